@@ -2,9 +2,9 @@
 """
 Decision of a survey: measurement, posterior of the run, sensor faults and continuity, in this order.
 
-A survey begins in the half-second bin that ends its averaging, because the field that it measured changes the field
-model of the samples after it. It is completed when the attitude up to it is known, which the check of continuity needs.
-Only a completed survey is published.
+The decision begins in the half-second bin that ends the averaging of the survey, because the measured field changes the
+field model of the samples after the survey. The decision is completed when the attitude up to the survey is known,
+which the check of continuity needs. Only a completed survey is published.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ class Provisional:
     #: Mean, shape (22,), and covariance, shape (22, 22), of the errors that the stations of the run share (see
     #: `RunModel.shared`); None if unknown.
     shared: tuple[Array, Array] | None = None
-    #: Evidence against its sensors when the survey was completed. Later samples are ignored: how many of them are known
-    #: by then depends on how the samples are cut into blocks.
+    #: Evidence against the sensors of the survey at the end of its averaging. Later samples are not used, because the
+    #: number of later samples that are already known depends on how the samples are cut into blocks.
     against: Accusation | None = None
 
     @property
@@ -111,7 +111,7 @@ class Provisional:
 
 class SurveyDecision:
     """
-    Decides the surveys of one run.
+    Decision on the surveys of one run.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ class SurveyDecision:
 
         Returns
         -------
-        dict of int to Survey
+        dict of int to DecidedSurvey
             Revisions by survey number. The published survey stays valid, and a revision is a proposal, unless it is
             withdrawn.
         """

@@ -18,7 +18,7 @@ from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 
-# A known azimuth contradicts a gyro if it raises the probability that the gyro is wrong by more than this factor.
+# A known azimuth contradicts a gyro if it multiplies the probability of a wrong gyro by more than this factor.
 _CONTRADICTED = 2.0
 # Azimuth propagated from the station above: 1 sigma added to it, rad, and probability of any other azimuth.
 _CONTINUITY, _BROKEN = math.radians(5.0), 0.05
@@ -111,7 +111,8 @@ class Finding:
         # If the gyro determined this azimuth, the station above was wrong, unless a gyro agreed with the magnetometer.
         trusted = self.by_gyro < _MOSTLY or self.gyro_agreed
         broken = (off, apart) if apart > _APART and abs(off) > _NEAR and trusted else None
-        # If gyro and magnetometer have agreed before, the two azimuths of three that agree show which one is wrong.
+        # There are three azimuths: gyro, magnetometer and station above. If gyro and magnetometer have agreed before,
+        # the two azimuths that agree show which one is wrong.
         wrong = self.gyro_wrong if broken else 0.0
         return dataclasses.replace(self, density=density, broken=broken, gyro_wrong=wrong)
 

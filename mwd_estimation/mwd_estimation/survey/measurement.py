@@ -32,7 +32,7 @@ from mwd_sensors.core.frames import (
 
 # 1 sigma of an unknown azimuth, rad.
 _UNKNOWN_SIGMA = math.pi
-# Smallest ratio of horizontal to total field with an azimuth.
+# Ratio of horizontal to total field at or below which there is no azimuth.
 _LEVEL = 1e-6
 # Smallest field, T, and specific force, m/s^2, that count as a reading.
 _NO_FIELD = 1e-12
@@ -128,7 +128,7 @@ def measured(
 def _unjudged(
     readings: StationReadings, reference: Reference | None, settings: StationSettings, north: NorthTurn
 ) -> Station:
-    """Return the station with its uncorrected azimuth."""
+    """Return the station with its angles, totals and uncorrected azimuth, without a verdict."""
     inc, toolface = readings.inclination, readings.toolface
     alignment = settings.errors.alignment(inc)
     covariance = readings.jacobian @ readings.covariance @ readings.jacobian.T + alignment

@@ -27,8 +27,8 @@ from mwd_estimation.survey.station_settings import StationSettings
 
 # A station with a larger probability of an external field is an outlier of its run.
 _OUTLIER = 0.5
-# A run is divided at a step between stations where the hazard of a change of the string is above this, if there is one,
-# otherwise in the middle.
+# A run is divided between two stations if the hazard of a change of the string between them is above this; without such
+# a pair, the run is divided in the middle.
 _GAP = 0.1
 
 
@@ -43,11 +43,11 @@ def findings(
     """
     Return the finding of each station of a run, computed with all other stations of the run.
 
-    first: finding of each station when it was taken. Stations with repeated readings keep it, and are not used for
-    other stations. newest: number of the last stations to compute again; the stations before keep their finding. None:
-    all stations.
+    first: finding of each station when it was taken. Stations with repeated readings keep this finding, and are not
+    used for other stations. newest: number of the last stations to compute again; the stations before keep their
+    finding. None: all stations.
     progress: called after each seek with its number of stations, from any thread, one call at a time.
-    threads: number of threads; the result does not depend on it.
+    threads: number of threads, without influence on the result.
     """
     found, begin = dict(enumerate(first)), 0 if newest is None else max(len(taken) - newest, 0)
     repeated = {k for k, one in found.items() if one is not None and one.repeats is not None}
@@ -162,8 +162,8 @@ def _divided(seeks: list[dict[int, Taken]]) -> int:
     """
     Return the index at which to divide the seeks.
 
-    The run is divided where the string may have changed: in the gap of this kind that is nearest the middle, or in the
-    middle if there is none.
+    The run is divided at a gap in which the string may have changed: at the gap nearest the middle, or in the middle if
+    there is no such gap.
     """
     hazards = [next(iter(seek.values())).hazard for seek in seeks]
     gaps = [k for k in range(1, len(seeks)) if hazards[k] - hazards[k - 1] > _GAP]

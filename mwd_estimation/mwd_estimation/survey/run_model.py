@@ -35,13 +35,13 @@ from mwd_sensors.core.frames import wrap_pi, wrap_tau
 _SAME = 0.7
 # Least 1 sigma of the lasting gyro error, rad; steps of the bias are expressed as multiples of this sigma.
 _LEAST_LASTING = 1e-3
-# Largest difference of a reference from the first one of the run, in field, T, and declination, rad; a larger
-# difference is another place.
+# Largest differences of a reference from the first reference of the run, in field, T, and in declination, rad. With a
+# larger difference, the reference is that of another place.
 _ELSEWHERE = 1e-6, math.radians(2.0)
 # Largest angle between the gravities, and between the fields, of two stations with the same attitude, in tool axes,
 # rad.
 _STAYED = math.radians(0.5)
-# Estimate from a string that has never turned: no information.
+# Estimate without information, for a string that has never turned.
 _NOTHING = Across(np.zeros(2), math.inf)
 # Time between two stations if it is unknown, h: the time to drill a stand.
 _STAND = 0.5
@@ -64,7 +64,7 @@ class _Read(NamedTuple):
     one: Row
     evidence: Predicted
     doubts: tuple[float, float]  #: `RunFilter.gyro_doubts` before the station
-    turn: float  #: added to azimuths of the filters to get azimuths from the north of the station, rad
+    turn: float  #: angle to add to azimuths of the filters to get azimuths from the north of the station, rad
     repeats: int | None
     agreed: bool  #: whether gyro and field had agreed before the station
 
@@ -195,7 +195,11 @@ class RunModel:
         return 0.0 if self._aged is None else self._aged[1]
 
     def _back_in_seek(self, model: RunFilter, began_ns: int | None) -> _Last | None:
-        """If the last station belongs to the seek begun at `began_ns`, restore the state before it and return it."""
+        """
+        Restore the state before the last station, if this station belongs to the seek that began at `began_ns`, ns.
+
+        Return the last station in this case, else None.
+        """
         if began_ns is None or self._last is None or self._last.began_ns != began_ns:
             return None
         model.state = self._last.before.copy()
@@ -212,7 +216,7 @@ class RunModel:
         return None if self._filter is None else self._filter.shared()
 
     def _north(self, measured: Measured) -> float:
-        """Return the angle from the north of the model to magnetic north, rad; 0 if the model counts from it."""
+        """Return the angle from the north of the model to magnetic north, rad; 0 if the model uses magnetic north."""
         reference = measured.station.reference
         if measured.station.north == "magnetic" or reference is None or reference.declination is None:
             return 0.0

@@ -58,7 +58,7 @@ def check(code: str) -> None:
 
 
 def model(code: str) -> Any:
-    """Return the argument of welleng for a code: its name, or its table if welleng's index does not contain it."""
+    """Return the error model of a code for welleng: the name of the code, or its table if welleng's index lacks it."""
     return _set_b().get(code, code)
 
 

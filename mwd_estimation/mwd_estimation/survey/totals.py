@@ -34,7 +34,8 @@ _SLIP = 25.0
 # limits above which it is rejected.
 TOOLCODE_DOUBTFUL, TOOLCODE_REJECT = 2.0, 3.0
 _REJECT = 1.5
-# Largest deviation from local gravity, in sigmas, of a tool that was calibrated with local gravity.
+# Deviation of the gravity total from local gravity, in sigmas, above which the tool was not calibrated with local
+# gravity.
 _NOT_LOCAL = 2.0
 
 

@@ -106,7 +106,8 @@ class _Triad:
         """
         Mean variance of an amplitude in one window.
 
-        It is estimated from few numbers, so it is the variance of Student's t with as many degrees of freedom.
+        The noise is estimated from few numbers, so the result is the variance of Student's t with as many degrees of
+        freedom.
         """
         numbers = _NUMBERS * self.windows
         return self.noise / self.windows * numbers / (numbers - 2.0)
@@ -168,7 +169,7 @@ class TurningString:
         self._mag.add(stamps, field)
 
     def close(self, index: int) -> None:
-        """Fit the samples up to the end of a half second; all samples of its time have arrived."""
+        """Use the samples of the half second `index`; call this when all samples of this time have arrived."""
         start, end = index * BIN_NS, (index + 1) * BIN_NS
         stamps, values = self._imu.between(start, end)
         mag_stamps, field = self._mag.between(start, end)
@@ -223,7 +224,7 @@ class TurningString:
 
 
 def _tells(columns: Array) -> bool:
-    """Return whether a window separates the delay from the other fitted values; columns, shape (n, 12)."""
+    """Return whether the delay can be fitted in a window in addition to the other values; columns, shape (n, 12)."""
     size = np.linalg.norm(columns, axis=0)
     if not size.min() > 0.0:
         return False

@@ -28,13 +28,13 @@ from mwd_estimation.survey.station_record import Station, Verdicts
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_sensors.core.frames import magnetic_toolface, mat_nt
 
-# Probability of a disturbance above which the azimuth is doubtful.
+# Probability of a disturbance or of a wrong gyro above which the azimuth is doubtful.
 _DISTURBED = 0.5
 # An attitude determines the azimuth if `QualitySettings.far_deg` is at least this many sigma of a healthy tool.
 _DETERMINED = 6.0
 # Largest error of the direction of the hole, rad, from an azimuth that is not determined: sigma of the azimuth, and at
-# least `QualitySettings.far_deg`, times the sine of the inclination. Near the vertical it is smaller, and the station
-# is accepted for its inclination. Elsewhere the field is the cause, as near the magnetic pole.
+# least `QualitySettings.far_deg`, times the sine of the inclination. Near the vertical the error is smaller, and the
+# station is accepted for its inclination. A larger error has its cause in the field, for example near a magnetic pole.
 _DIRECTION = math.radians(3.0)
 # Largest 1 sigma, rad, that accelerometers turned in their mount may add to an inclination that is not doubtful.
 _TURNED = math.radians(0.3)
@@ -144,7 +144,7 @@ def _against_limits(station: Station, readings: StationReadings, settings: Stati
 
 
 def _widened(station: Station, found: Circle) -> Station:
-    """Return the station with the sigma of the whole mode, because a doubtful azimuth may be in its improbable part."""
+    """Return the station with the sigma of the whole mode: a doubtful azimuth may be in the improbable part of it."""
     covariance = station.covariance.copy()
     covariance[1, 1] = min(math.hypot(found.spread, math.sqrt(float(station.alignment[1, 1]))), math.pi) ** 2
     return replace(station, covariance=covariance, sigma_azimuth=math.sqrt(covariance[1, 1]))

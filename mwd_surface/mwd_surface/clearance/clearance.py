@@ -38,12 +38,12 @@ _DOGLEG_LENGTH = 10.0
 # Variance added to every position, (10 um)^2 in m^2: the position of a first station may be exact, and rounding could
 # make its variance negative.
 _ROUNDING = 1e-10
-# Two wells that are closer than this at the same measured depth are the same hole, m.
+# Distance at the same measured depth below which two wells count as the same hole, m.
 _SAME_HOLE = 0.05
 
 
 class ClearanceLevel(enum.IntEnum):
-    """Action that a separation factor requires."""
+    """Level of a separation factor: clear, warning, or stop drilling."""
 
     CLEAR = 0
     WARNING = 1
@@ -299,7 +299,7 @@ def _compared(first: Any, second: Any, rule: ClearanceRule) -> Any:
 
 
 def _nearest(ahead: Any, back: Any) -> tuple[float, float]:
-    """Return the measured depths, m, along both wells at which the factor is least."""
+    """Return the measured depths of the smallest separation factor along the first and the second well, m."""
     k, j = int(np.argmin(ahead.sf)), int(np.argmin(back.sf))
     if ahead.sf[k] <= back.sf[j]:
         return float(ahead.ref.md[k]), float(ahead.off.md[k])

@@ -35,9 +35,9 @@ from mwd_surface.uncertainty.uncertain_well import UncertainWell
 # Usual distance between surveys, m; and distance between surveys, m, above which the hole between them is hardly known.
 _SPACING = 30.0
 _WIDE = 150.0
-# If two wellheads are farther apart than this, one of the positions is wrong, m.
+# Largest plausible distance between two wellheads, m; at a larger distance one of the positions is wrong.
 _FAR = 20_000.0
-# Two positions of one wellhead that differ by more than this contradict each other, m.
+# Largest distance between two stated positions of one wellhead, m; at a larger distance they contradict each other.
 _ASTRAY = 5.0
 
 

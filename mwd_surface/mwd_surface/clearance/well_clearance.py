@@ -72,7 +72,7 @@ def well_clearance(
     quoting: bool = True,
 ) -> WellClearance:
     """
-    Compare the well of a list with its offset wells.
+    Return the clearances of the well of a survey list to its offset wells.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def well_clearance(
 
 def offset_wells_of(surveys: SurveyList) -> OffsetWells | None:
     """
-    Return the offset wells in the file that the well of a list names; None if the well names no file.
+    Read the offset wells of a survey list from the file named in its well data; None if no file is named.
 
     Raises
     ------

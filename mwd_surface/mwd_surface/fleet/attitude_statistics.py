@@ -13,6 +13,7 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
 
 BIN_NS = 10_000_000_000  # length of an interval, ns
+# Status bits whose share of the samples is a column of the rows.
 FLAGS = (
     Status.STILL,
     Status.ROTATING,

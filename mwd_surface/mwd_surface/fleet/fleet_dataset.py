@@ -29,6 +29,7 @@ TABLES = ("attitude", "surveys", "bags")
 DONE, FAILED = "done", "failed"
 _CHUNK = 1 << 20  # bytes that are read at a time
 _TYPES = {"Double": pa.float64(), "Int64": pa.int64(), "Boolean": pa.bool_(), "String": pa.string()}
+# First columns of every table, which identify the recording.
 _WHERE = [("key", pa.string()), ("bag", pa.string()), ("well", pa.string())]
 
 
@@ -140,7 +141,7 @@ def write(folder: Path, key: str, tables: Mapping[str, list[dict[str, Any]]]) ->
 
 
 def finished(folder: Path, key: str) -> dict[str, Any] | None:
-    """Return the row of table `bags` of a recording that was processed before; None without one, or if it failed."""
+    """Return the row of a recording in table `bags`; None if there is no row, or the processing failed."""
     file = folder / "bags" / f"{key}.parquet"
     if not file.is_file():
         return None

@@ -147,7 +147,7 @@ def _estimated(
 
 
 def _settings(recorded: Recorded, work: FleetWork) -> EstimatorSettings:
-    """Return the estimator's settings: those in the recording with the changes, or else `config` of the work."""
+    """Return the settings in the recording with `work.changes`, or `work.config` if the recording has no settings."""
     if recorded.estimator is None:
         return settings_of.from_mapping(EstimatorSettings, yaml.safe_load(work.config))
     return settings_of.changed(recorded.estimator, yaml.safe_load(work.changes))

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Languages: the catalogue of each, and the translation of a sentence at the edge of the program.
+Languages: reading of the catalogues, and translation of sentences before people read them.
 
-Sentences are written in English where their condition is known, and travel so in messages, logs and recordings. Page,
-report and command line translate them for people. A catalogue (`zh_CN.po`) has every text of the sources; a text with
-values is a template: ``no data from the sonde for more than {limit} s``. `Language.say` finds the template of a
-sentence, translates its values in the same way, and puts them into the translation. Values that people have typed
-(`TYPED`) stay as they are. To add a language, add its file. The texts that only the command line prints have a
-catalogue of their own (`commands/zh_CN.po`), which the page need not load; `language_of_commands` has both.
+The code writes each sentence in English. The sentence stays English in messages, logs and recordings; page, report and
+command line translate it for people. A catalogue (`zh_CN.po`) has every text of the sources. A text with values is a
+template: ``no data from the sonde for more than {limit} s``. `Language.say` finds the template of a sentence,
+translates the values in the same way, and puts them into the translation of the template. Values that people have typed
+(`TYPED`) are not translated. To add a language, add its catalogue. The texts that only the command line prints have a
+separate catalogue (`commands/zh_CN.po`), which the page does not load; `language_of_commands` loads both.
 
-The page does the same with the same table (`page/static/words.js`); a test compares the two.
+The page translates in the same way with the same catalogue (`page/static/words.js`); a test compares the translations.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ _FOLDER = Path(__file__).parent
 _OF_COMMANDS = _FOLDER / "commands"
 # Variables that choose the language of the command line, in the order in which gettext reads them.
 VARIABLES = ("LANGUAGE", "LC_ALL", "LC_MESSAGES", "LANG")
+# Entry of a catalogue: comment lines, English text, translation.
 _MESSAGE = re.compile(r'((?:^#.*\n)*)^msgid ((?:".*"\n)+)msgstr ((?:".*"\n?)+)', re.MULTILINE)
 _PLACE = re.compile(r"\{(\w+)\}")
 _NAMED = re.compile(r"\{[a-z]\w*\}")
@@ -34,10 +35,11 @@ _QUANTITY = re.compile(
     r"^[+\-−]?\d[\d.,:e+\-−]*( ?(%|°|deg|nT|uT|mG|T|s|m|ft|g|dB|Hz|MB|GB|kN|bar|min|h|ppm|urad|sigma|rad/s|m/s\^2|deg/h"
     r"|deg/s|r/min))?$"
 )
-# Marks that join sentences and lists; the catalogue has those that differ in a language.
+# Marks between sentences and between the members of a list. A catalogue has the marks that differ in its language.
 SENTENCES = "; "
 MARKS = (SENTENCES, ": ", ", ", " or ", " and ", " · ")
-# Values that people have typed: names of wells, plans, controllers and people, and their reasons. They stay as typed.
+# Names of the values that people have typed: names of wells, plans, controllers and people, and reasons. These values
+# are not translated.
 TYPED = frozenset(
     (
         "name",
@@ -54,14 +56,16 @@ TYPED = frozenset(
         "logo",
     )
 )
-# Least number of letters in the fixed parts of a template that has untranslated values; more if such a value is first.
+# Least number of letters in the fixed parts of a template if the translation of a value is unknown: for a template that
+# begins with a fixed part, and for a template that begins with a value.
 _LEAST, _LEAST_BEHIND = 4, 6
-_DEPTH = 6  # of sentences within sentences
-_JOINED = 3  # parts of a sentence that contains the mark which joins sentences
-# Work for one sentence, in letters searched for templates: five times what any text of the sources needs (a test says
-# so). A longer search ends with the best translation found, so that a text of a stranger cannot hold up the page.
+_DEPTH = 6  # largest depth of sentences within sentences
+_JOINED = 3  # largest number of parts between "; " that are read as one sentence
+# Largest work for one sentence: number of letters for which templates are searched. A test shows that every text of the
+# sources needs less than a fifth. A longer search ends with the best translation found so far, so that a text from
+# outside cannot block the page.
 _WORK = 80_000
-_EACH = 100  # of a search in any text
+_EACH = 100  # work of a search in addition to the number of letters of the text
 
 
 class _Template(NamedTuple):
@@ -75,9 +79,10 @@ class _Template(NamedTuple):
 
     def values(self, text: str, *, last: bool) -> dict[str, str] | None:
         """
-        Return the values of a text; None if it is another sentence.
+        Return the values that a text has at the places of the template; None if the text does not fit the template.
 
-        Fixed parts are found in one pass, from the left or, if `last`, from the right: a value may contain such a part.
+        last: search the fixed parts from the right instead of from the left. The results differ if a value contains the
+        words of a fixed part.
         """
         head, *middle, tail = self.parts
         if len(text) < len(head) + len(tail) or not (text.startswith(head) and text.endswith(tail)):
@@ -97,18 +102,18 @@ class _Template(NamedTuple):
         return values
 
     def readings(self, text: str) -> Iterator[dict[str, str]]:
-        """Yield the values of a text, in one or two ways; nothing if the text does not fit the template."""
+        """Yield the values of a text from the left, and those from the right if they differ; nothing without a fit."""
         first = self.values(text, last=False)
         if first is not None:
             yield first
-        # Without a fixed part between two values both ways are the same.
+        # Without a fixed part between two values both directions give the same values.
         other = self.values(text, last=True) if len(self.parts) > 2 else None
         if other is not None and other != first:
             yield other
 
 
 class _Translation(NamedTuple):
-    """Translation of a text, with the number of its letters that no template explains."""
+    """Translation of a text; unknown: letters without a translation; known: letters in the template's fixed parts."""
 
     text: str
     unknown: int
@@ -122,11 +127,11 @@ class Language:
     Parameters
     ----------
     code : str
-        As in the name of its catalogue, for example ``zh_CN``.
+        Code in the file name of the catalogue, for example ``zh_CN``.
     entries : mapping
-        From English to the language; empty for English.
+        Translation of each English text; empty for English.
     decimal, name : str
-        Decimal mark, and name of the language in itself; by default those that Babel knows for the code.
+        Decimal mark, and name of the language in the language; by default those of Babel for the code.
     """
 
     def __init__(self, code: str, entries: Mapping[str, str], decimal: str = "", name: str = "") -> None:
@@ -135,28 +140,28 @@ class Language:
 
     @functools.cached_property
     def templates(self) -> list[_Template]:
-        """Texts with values, those that explain most letters first."""
+        """Templates of the catalogue, sorted by the number of letters in their fixed parts, the largest first."""
         found = (_template(*entry) for entry in self.entries.items() if _NAMED.search(entry[0]))
         return sorted(found, key=lambda template: -template.known)
 
     @functools.cached_property
     def joined_templates(self) -> list[_Template]:
-        """Those of the texts with values that contain the mark which joins sentences."""
+        """Templates whose fixed parts contain "; ", the mark between sentences."""
         return [one for one in self.templates if any(SENTENCES in part for part in one.parts)]
 
     @functools.cached_property
     def decimal(self) -> str:
-        """Decimal mark."""
+        """Decimal mark of the language."""
         if self._decimal or self.code == ENGLISH:
             return self._decimal or "."
-        # Babel is imported only where its facts are needed: it takes longer than the help of a command.
+        # Import Babel only if needed: the import takes longer than printing the help of a command.
         from babel.numbers import get_decimal_symbol
 
         return get_decimal_symbol(self.code)
 
     @functools.cached_property
     def name(self) -> str:
-        """Name of the language in itself."""
+        """Name of the language in the language, for example "English"."""
         if self._own_name or self.code == ENGLISH:
             return self._own_name or "English"
         from babel import Locale
@@ -164,22 +169,22 @@ class Language:
         return str(Locale.parse(self.code).get_language_name())
 
     def _say(self, text: str) -> str:
-        """Return a sentence in this language; parts of it that the catalogue does not have stay English."""
+        """Return a sentence in this language; parts of the sentence without a translation stay English."""
         return self._read(text).text if self.entries else text
 
     def unknown(self, text: str) -> int:
-        """Return the number of letters of a sentence that the catalogue does not explain: names, paths, other texts."""
+        """Return the number of letters of a sentence without a translation: letters of names, paths, other texts."""
         return self._read(text).unknown
 
     def _read(self, text: str) -> _Translation:
         return _TemplateSearch(self).read(text, _DEPTH)
 
     def number(self, text: str) -> str:
-        """Return a number, written with a point, with the decimal mark of this language."""
+        """Return the text of a number, which has a decimal point, with the decimal mark of this language."""
         return text if self.decimal == "." else text.replace(".", self.decimal)
 
     def table(self) -> dict[str, Any]:
-        """Return the language as the page needs it, as JSON data."""
+        """Return JSON data for the page: code, decimal mark, entries, and the names of all languages."""
         return {
             "code": self.code,
             "decimal": self.decimal,
@@ -189,7 +194,7 @@ class Language:
 
 
 class _TemplateSearch:
-    """Search for the translation of one text, with a limit of its work."""
+    """Search for the translation of one text; the work is limited by `_WORK`."""
 
     def __init__(self, language: Language) -> None:
         self._language = language
@@ -198,9 +203,10 @@ class _TemplateSearch:
 
     def read(self, text: str, depth: int, *, whole: bool = False) -> _Translation:
         """
-        Return the translation of a text, which is a sentence within others down to `depth`.
+        Return the translation of a text.
 
-        whole: read the text as one sentence only, not as a list of sentences.
+        depth: number of levels of sentences within sentences that are translated. whole: translate the text as one
+        sentence, not as a list of sentences.
         """
         entries = self._language.entries
         if text in entries:
@@ -212,7 +218,7 @@ class _TemplateSearch:
         if not unread.unknown or not depth:
             return unread
         if (text, depth, whole) not in self._known:
-            # Few templates are searched for a sentence that contains the mark which joins sentences.
+            # A search with `whole` is not counted, because it tries only the few `joined_templates`.
             self._work -= 0 if whole else len(text) + _EACH
             if self._work < 0:
                 return unread
@@ -222,12 +228,12 @@ class _TemplateSearch:
         return self._known[text, depth, whole]
 
     def _by_template(self, templates: list[_Template], text: str, depth: int, best: _Translation) -> _Translation:
-        """Return the reading by the template with the fewest unexplained letters, then with the most fixed letters."""
+        """Return the translation by the template with the fewest unknown letters, then with the most fixed letters."""
         for template in [one for one in templates if one.longest in text]:
             for values in template.readings(text):
                 read = {name: self._value(name, value, depth, template) for name, value in values.items()}
                 unknown = sum(part.unknown for part in read.values())
-                # A short template, such as "{a} is {b}", fits by chance where its values are not known either.
+                # A short template, such as "{a} is {b}", may fit by chance if its values have no translation.
                 if unknown and template.known < (_LEAST if template.parts[0] else _LEAST_BEHIND):
                     continue
                 if (-unknown, template.known) > (-best.unknown, best.known):
@@ -243,14 +249,18 @@ class _TemplateSearch:
         return self.read(value, depth - 1)
 
     def _by_parts(self, text: str, depth: int, best: _Translation) -> _Translation:
-        """Return the reading of a list; a text with an unknown part is not a list, but a name or other words."""
+        """Return the translation of a text as a list; `best` if a member of the list has no translation."""
         for mark in MARKS:
             if mark in text and (read := self._listed(mark, text.split(mark), depth - 1)) is not None:
                 return _Translation(self._language.entries.get(mark, mark).join(read), 0, 0)
         return best
 
     def _listed(self, mark: str, pieces: list[str], depth: int) -> list[str] | None:
-        """Return the translated members of a list; a sentence may contain the mark. None if it is not a list."""
+        """
+        Return the translations of the members of a list; None if a member has no translation.
+
+        mark: mark between the pieces. A member consists of several pieces if a sentence contains the mark.
+        """
         if not pieces:
             return []
         for count in range(1, min(len(pieces), _JOINED if mark == SENTENCES else 1) + 1):
@@ -277,13 +287,13 @@ def _template(english: str, translated: str) -> _Template:
 
 
 def codes() -> tuple[str, ...]:
-    """Return the code of every language that there is a catalogue for, English first."""
+    """Return the codes of English and of every language with a catalogue, English first."""
     return (ENGLISH, *sorted(path.stem for path in _FOLDER.glob("*.po")))
 
 
 @functools.cache
 def languages() -> dict[str, str]:
-    """Return the code and the own name of every language, English first."""
+    """Return the name of every language in the language itself, by its code, English first."""
     return {code: _catalogue(code).name for code in codes()}
 
 
@@ -294,17 +304,17 @@ def language(code: str) -> Language:
     Raises
     ------
     ValueError
-        There is no catalogue for it; the message names those that there are.
+        There is no catalogue for the language; the message names the codes of all languages.
     """
     return _catalogue(_name(code))
 
 
 def language_of_commands(environment: Mapping[str, str]) -> Language:
     """
-    Return the language of the command line: the first of `LANGUAGE` that has a catalogue, else that of the locale.
+    Return the language of the command line from the environment variables.
 
-    As gettext does: the first variable of `VARIABLES` that is set counts, `LANGUAGE` may list several languages, and
-    without a catalogue for any of them the language is English.
+    The rules are those of gettext: the first variable of `VARIABLES` that is set is used. The variable may list several
+    languages, separated by colons; the first language with a catalogue is used, or else English.
     """
     for code in next((environment[one] for one in VARIABLES if environment.get(one)), "").split(":"):
         try:
@@ -330,13 +340,13 @@ def _name(code: str) -> str:
 
 @functools.cache
 def _catalogue(name: str) -> Language:
-    """Return the language of a catalogue; only names of catalogues are kept, never a code that somebody has sent."""
+    """Return the language of a catalogue; name: one of `codes`, never a code from a request, as results are cached."""
     return Language(name, {} if name == ENGLISH else read_catalogue(_FOLDER / f"{name}.po"))
 
 
 @functools.cache
 def _with_commands(name: str) -> Language:
-    """Return a language with the texts of the command line."""
+    """Return a language whose entries include the texts of the command line; name: one of `codes`."""
     path = _OF_COMMANDS / f"{name}.po"
     more = read_catalogue(path) if path.exists() else {}
     return Language(name, {**_catalogue(name).entries, **more}) if more else _catalogue(name)
@@ -344,10 +354,10 @@ def _with_commands(name: str) -> Language:
 
 def read_catalogue(path: Path) -> dict[str, str]:
     """
-    Return the translations of a catalogue, without those that are empty or marked as fuzzy.
+    Return the translations of a catalogue by English text, without empty translations and without fuzzy ones.
 
-    An own reader, because Babel takes .4 s to load and read, more than the help of a command may take; a test compares
-    the two.
+    Babel is not used here, because its import and its reading take 0.4 s, longer than the help of a command may take. A
+    test compares the result with Babel's.
     """
     found = {}
     for comment, english, translated in _MESSAGE.findall(path.read_text(encoding="utf-8")):

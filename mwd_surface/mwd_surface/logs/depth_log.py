@@ -127,7 +127,11 @@ class _Sums:
         self._chunks: dict[int, Samples] = {}
 
     def add(self, index: int, sample: LogSample, share: float) -> None:
-        """Add a sample with its share in this step, 0 to 1; call this once for each sample, not for its parts."""
+        """
+        Add a sample to a step.
+
+        share: part of the sample in this step, 0 to 1. Call this once for each step of a sample.
+        """
         number, place = divmod(index, _CHUNK)
         if number not in self._chunks:
             self._chunks[number] = self._none.copy()
@@ -158,7 +162,11 @@ class _Sums:
                 step["sector_common"][known] += errors
 
     def steps(self, most: int | None = None) -> tuple[int, Samples]:
-        """Return the index of a step and the sums from it to the deepest step, at most so many steps."""
+        """
+        Return the index of the first step, and the sums of all steps from the first to the deepest.
+
+        most: largest number of steps; the shallowest steps are left out. None: all steps.
+        """
         if not self._chunks:
             return 0, self._none[:0]
         numbers = sorted(self._chunks)
@@ -170,7 +178,7 @@ class _Sums:
         return first, sums[first - begin * _CHUNK : end - begin * _CHUNK]
 
     def filled(self) -> Array:
-        """Return the indices of the steps that have a value, rising."""
+        """Return the indices of the steps that have a value, in increasing order."""
         parts = [number * _CHUNK + np.flatnonzero(self._chunks[number]["samples"]) for number in sorted(self._chunks)]
         return np.concatenate([np.zeros(0), *parts])
 
@@ -189,7 +197,7 @@ class _DepthChannel:
 
 class DepthLog:
     """
-    Merge of the log samples of one well.
+    Log samples of one well, merged by depth.
 
     Parameters
     ----------
@@ -280,7 +288,7 @@ class DepthLog:
             self._placed = None
 
     def add(self, samples: Iterable[LogSample]) -> list[LogSample]:
-        """Add samples, and return the valid ones; a sample that ends after the last bit depth waits for a later one."""
+        """Add samples, and return the valid ones; a sample that ends after the newest bit depth waits for a depth."""
         valid = []
         for sample in samples:
             reason = self._fault(sample)

@@ -17,7 +17,7 @@ from mwd_surface.signals.cells import fixed, plain
 from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.well import Well
 
-_NULL = -999.25
+_NULL = -999.25  # number that stands for an unknown value in a LAS file
 #: Mnemonics of curves in LAS that other programs know; any other channel has its name in capitals.
 MNEMONICS = {"gamma": "GR", "inclination": "INCL", "temperature": "TEMP", "lateral_vibration": "VIBL"}
 _DECIMALS = 3  # number of decimals in files

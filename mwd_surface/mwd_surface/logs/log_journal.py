@@ -134,7 +134,7 @@ class LogJournal:
                 health.add(valid)
 
     def add_sample(self, sample: LogSample) -> None:
-        """Write a sample."""
+        """Write a log sample."""
         self._write({name: _written(value) for name, value in vars(sample).items()})
 
     def add_rig(self, stamp_ns: int, bit_depth: float | None, pumping: bool | None) -> None:

@@ -169,7 +169,7 @@ def _coarse(run_s: Array, run: Array, memory_s: Array, memory: Array) -> tuple[f
 
 
 def _refined(run_s: Array, run: Array, memory_s: Array, memory: Array, lag: float) -> list[tuple[float, float]]:
-    """Return run time and offset, s, at each start and stop of the rotation."""
+    """Return the time of the run and the offset of the memory clock, s, at each start and stop of the rotation."""
     found: list[tuple[float, float]] = []
     of_run, of_memory = _smoothed(run_s, run), _smoothed(memory_s, memory)
     room = _REACH_S + 0.5 * _SMOOTH_S
@@ -180,7 +180,7 @@ def _refined(run_s: Array, run: Array, memory_s: Array, memory: Array, lag: floa
     for edge in edges[np.diff(np.concatenate([[-math.inf], edges])) > _SPAN_S]:
         part = covered & (np.abs(run_s - edge) <= 0.5 * _SPAN_S)
         at, value = run_s[part], of_run(run_s[part])
-        # The change itself, with its time before and after, must be in both recordings.
+        # Both recordings must contain the change, and at least `_LEAST_S` before and after it.
         if len(at) < 10 or min(edge - at[0], at[-1] - edge) < _LEAST_S:
             continue
         shifts = np.arange(-_REACH_S, _REACH_S + 0.5 * _FINE_S, _FINE_S)

@@ -157,7 +157,7 @@ _ROUNDING_NS = NANOSECONDS // 2
 
 
 def _key(sample: LogSample) -> tuple[str, bool]:
-    """Return the channel of a sample, and whether the sample has a value; otherwise it has sectors only."""
+    """Return the channel of a sample, and True if the sample has a value, False if it has sectors only."""
     return sample.channel, math.isfinite(sample.value)
 
 
@@ -192,7 +192,7 @@ def _covered(intervals: list[_Ends]) -> _Covered:
 
 
 def _uncovered(whole: _Ends, begins: list[int], ends: list[int]) -> list[_Ends]:
-    """Return the parts of an interval, ns, that a union of intervals does not cover; its length may be zero."""
+    """Return the parts of the interval `whole`, ns, that a union of intervals does not cover; its length may be 0."""
     begin, last = whole
     first = bisect.bisect_left(ends, begin)
     if begin == last:

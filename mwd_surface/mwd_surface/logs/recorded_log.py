@@ -64,9 +64,9 @@ def topic_of(bag: Bag, relative: str, type_name: str, well: str = "") -> str | N
 
 def namespace_with(bag: Bag, topics: Mapping[str, str], well: str = "") -> str | None:
     """
-    Return the namespace, with a slash at its end, of the first of some topics that has messages in a recording.
+    Return the namespace, with a slash at its end, of the first of the given topics that has messages in a recording.
 
-    topics: type of message by relative topic. None if the recording has no message of any of these topics.
+    topics: type of the messages by relative topic. Return None if no topic has a message in the recording.
 
     Raises
     ------

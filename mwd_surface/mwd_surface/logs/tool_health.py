@@ -169,7 +169,7 @@ _SUMS_OF_SERIES = {"end_ns": int, "newest_ns": int} | dict.fromkeys(
 
 
 class _Series:
-    """One quantity: its newest sample, and the time at each level."""
+    """History of one quantity: the newest sample, and the time for which the quantity was at each level."""
 
     def __init__(self, unit: str, limit: ExposureLimit | None) -> None:
         self.unit, self._limit = unit, limit
@@ -181,7 +181,7 @@ class _Series:
         self.bins: Counter[int] = Counter()
 
     def sums(self) -> dict[str, Any]:
-        """Return all that `restore` needs."""
+        """Return the sums and the histogram of the quantity, for `restore`."""
         return {name: getattr(self, name) for name in _SUMS_OF_SERIES} | {"bins": sorted(self.bins.items())}
 
     def restore(self, sums: Mapping[str, Any]) -> None:
@@ -197,7 +197,7 @@ class _Series:
         self.bins[min(max(index, -_MOST_BINS), _MOST_BINS)] += seconds  # type: ignore[assignment]
 
     def add(self, sample: LogSample, held_s: float) -> None:
-        """Add a sample; it represents the time since the previous sample if that is at most `held_s`, s."""
+        """Add a sample; it represents the time since the previous sample if this time is at most `held_s`, s."""
         half = round(0.5 * sample.span * NANOSECONDS)
         begin, end = sample.stamp_ns - half, sample.stamp_ns + half
         if end < self.end_ns - _JUMP_NS:
@@ -352,7 +352,7 @@ class HealthLedger:
         return _ROOM_C if series is None else series.newest
 
     def health(self, day: datetime.date | None = None) -> ToolHealth:
-        """Return the health of the tool; day: day for which calibrations are checked, by default of the last sample."""
+        """Return the health of the tool; day: date of the check of calibrations, by default that of the last sample."""
         # The longest run time of all sources counts, so that a wrong clock of one source does not shorten it.
         since = max((series.running for series in self._series.values()), default=math.nan)
         if day is None and self._last_ns:
@@ -375,7 +375,7 @@ class HealthLedger:
         )
 
     def _tests(self, source: str) -> tuple[str, ...] | None:
-        """Return the names of the self-tests in the newest sample of a source; None without any."""
+        """Return the names of the self-tests in the newest sample of a source; None if the source has no sample."""
         series = self._series.get(source)
         return None if series is None else tuple(name for bit, name in SELF_TESTS.items() if int(series.newest) & bit)
 
@@ -455,14 +455,19 @@ class HealthLedger:
 
 @dataclasses.dataclass(frozen=True)
 class _Silence:
-    """Total time without known flow, s; active_s: part with pumps assumed on; last: both times of the last silence."""
+    """
+    Silences: times without a known state of the pumps.
+
+    seconds: total length, s. active_s: part of the total in which the pumps are assumed to be on, s. last: these two
+    numbers of the last silence alone.
+    """
 
     seconds: float = 0.0
     active_s: float = 0.0
     last: tuple[float, float] = (0.0, 0.0)
 
     def after(self, seconds: float, active_s: float) -> _Silence:
-        """Return the sums with one more silence, s."""
+        """Return the sums with one more silence; seconds, active_s: its length and its part with the pumps on, s."""
         return _Silence(self.seconds + seconds, self.active_s + active_s, (seconds, active_s))
 
     def back(self, seconds: float) -> _Silence:
@@ -488,7 +493,7 @@ class _Charge:
         self.total, self.used, self.in_run, self.seconds = sums
 
     def sums(self) -> tuple[float, ...]:
-        """Return the numbers from which this object can be made again."""
+        """Return the four numbers of the object: total, used, in_run and seconds."""
         return self.total, self.used, self.in_run, self.seconds
 
     def use(self, charge: float, seconds: float, celsius: float) -> None:
@@ -500,7 +505,7 @@ class _Charge:
             self.seconds += seconds
 
     def after(self, before: float) -> _Charge:
-        """Return the same charge after another that was drawn before the run, C."""
+        """Return a copy to which a charge that was drawn before the run, C, is added."""
         made = _Charge(self._battery)
         made.use(before, 0.0, _ROOM_C)
         made.total, made.used = made.total + self.total, made.used + self.used

@@ -32,12 +32,12 @@ def read_limits(tool_file: str) -> ToolLimits | None:
 
 
 def limits_table(limits: ToolLimits | None) -> dict[str, str]:
-    """Return the table of a recording; empty without limits."""
+    """Return the limits as a table for a recording; empty without limits."""
     return {} if limits is None else {_HEALTH: json.dumps(settings.to_mapping(limits))}
 
 
 def recorded_limits(table: Mapping[str, str]) -> ToolLimits | None:
-    """Return the limits in a table of a recording; None if it has none that this version can read."""
+    """Return the limits in a table of a recording; None if the table has none, or this version cannot read them."""
     try:
         return settings.from_mapping(ToolLimits, json.loads(table[_HEALTH])) if _HEALTH in table else None
     except (ValueError, TypeError):
@@ -45,7 +45,7 @@ def recorded_limits(table: Mapping[str, str]) -> ToolLimits | None:
 
 
 def limits_of_run(path: Path) -> tuple[ToolLimits | None, str]:
-    """Return the limits in the file of a run, and a remark if it cannot be read; None and "" if there is no file."""
+    """Return the limits in a file, and a remark if the file cannot be read; None and "" if the file does not exist."""
     try:
         table = json.loads(path.read_bytes())
         limits = recorded_limits(table)

@@ -31,6 +31,7 @@ _RESTART = "then restart the surface"
 _PERIOD = 0.1  # s between two commands to the rig
 _STATE_PERIOD = 0.5  # s between two messages of an unchanged state
 _INTERFACE = "ROS"
+# Fields of the status that change at every update: a change of these fields alone does not publish a new state.
 _ALWAYS_CHANGING = ("heartbeat_age", "remaining", "achieved")
 
 
@@ -123,7 +124,7 @@ class ControlServer:
         return response
 
     def judge(self, request: Any, response: Any) -> Any:
-        """Carry out a person's decision about control (service)."""
+        """Carry out the decision of a person about control of the rig (service)."""
         response.success, response.message = self.authority.judge(
             request.decision, request.operator_name, time.monotonic(), request.reason, request.number
         )

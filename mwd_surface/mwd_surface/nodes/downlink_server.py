@@ -38,12 +38,13 @@ _STATE_PERIOD = 1.0  # s between two messages of an unchanged state
 _SHOWN = {DownlinkState.GRANTED, DownlinkState.ARMED, DownlinkState.RUNNING}
 _NO_TOOL = "this surface sends no commands: set downlink.tool_file to a tool.yaml with a downlink"
 _RESTART = "then restart the surface"
+# States that are reported as warnings.
 _LOUD = {DownlinkState.ABORTED, DownlinkState.UNCONFIRMED}
 
 
 class DownlinkServer:
     """
-    Downlinks of one well.
+    ROS interface for the downlink commands of one well.
 
     Parameters
     ----------
@@ -168,7 +169,7 @@ class DownlinkServer:
     # Messages.
 
     def _on_word(self, data: bytes) -> None:
-        """Pass a serialised word of the link to the machine if it is an accepted echo, the tool's answer."""
+        """Pass a serialised word of the link to the machine if the word is an accepted echo (an answer of the tool)."""
         word = deserialize_message(data, msg.LinkWord)
         if word.name.lower() == ECHO_WORD.lower() and word.status == msg.LinkWord.BELIEVED and self._machine:
             self._machine.on_echo(int(word.raw), self._now())
@@ -181,7 +182,11 @@ class DownlinkServer:
         self._link_seen = (time.monotonic(), state == msg.LinkQuality.LOCKED)
 
     def on_rig_state(self, samples: Samples) -> None:
-        """Update the machine with the state of the rig, `wire.RIG_STATE`; its stamps time the downlink programme."""
+        """
+        Update the machine with the state of the rig.
+
+        samples: of the layout `wire.RIG_STATE`. The downlink programme runs on the clock of their stamps.
+        """
         machine = self._machine
         if machine is None:
             return

@@ -12,7 +12,7 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.page.foxglove_server import FoxgloveError, FoxgloveServer, FoxgloveSettings
 from mwd_surface.ros.context import SurfaceContext
 
-_RETRY_S = 10.0  # between two attempts to start the server, s
+_RETRY_S = 10.0  # time between two attempts to start the server, s
 
 
 class FoxgloveBridge:
@@ -35,13 +35,13 @@ class FoxgloveBridge:
 
     @property
     def put(self) -> Any:
-        """Function that receives every message; None if the server is disabled."""
+        """Function to call with every message, which sends it to the server; None if the server is disabled."""
         if self._server is None:
             return None
         return self._put_simulated if self._simulated else self._server.put
 
     def _put_simulated(self, topic: str, type_name: str, data: bytes, _received_ns: int, *, latched: bool) -> None:
-        """Pass on a message with the time of the graph, which is not the wall time in a simulation."""
+        """Send a message to the server with the simulated time of the ROS graph as its time of reception."""
         now_ns = self._now_ns()
         # Skip messages before the first message of /clock: their time is 0, and plots of viewers would begin at 0.
         if self._server is not None and (now_ns > 0 or latched):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live page: its server, which is retried while its port is in use, and its buttons, which call the node's services."""
+"""Live page in the surface node: start of its web server, and calls of the node's services by the page's buttons."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from mwd_surface.page.state_json import StateJson
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.worker import Answer
 
-_RETRY_S = 5.0  # between two attempts to start the server, s
+_RETRY_S = 5.0  # time between two attempts to start the server, s
 
 Services = Mapping[str, tuple[Any, Callable[[Any, Any], Any]]]
 """Type and callback of each service, by its name."""
@@ -83,7 +83,8 @@ class PageBridge:
         """
         Send the state of the well to the page.
 
-        without_clients: whether to send the state even if no browser is connected, for requests of a single state.
+        without_clients: True sends the state even if no browser is connected, so that a program that reads the state
+        only once gets a recent one.
         """
         if self._server is not None and (without_clients or self._server.clients):
             self._server.push(self._state_json.snapshot(self._context.state()))
@@ -100,7 +101,7 @@ class PageBridge:
 def call_service(
     services: Services, name: str, arguments: Mapping[str, Any]
 ) -> Answer | concurrent.futures.Future[Answer]:
-    """Call the callback of a service of this node for a button of the page; return the answer, or a future of it."""
+    """Call the callback of a service of this node for a button of the page; return the answer or its future."""
     srv_type, callback = services[name]
     request = srv_type.Request()
     if srv_type is srv.JudgeSurvey:

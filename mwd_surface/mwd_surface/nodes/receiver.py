@@ -49,7 +49,7 @@ from mwd_surface.ros import link_messages
 
 _PERIOD_S = 0.05  # s between two calls that process the arrived messages
 _SILENT_S = 5.0  # time without a burst after which an input is silent, s
-_QUALITY_S, _ATTITUDE_S = 1.0, 0.5  # s between two messages
+_QUALITY_S, _ATTITUDE_S = 1.0, 0.5  # s between two messages on the quality, and on the attitude
 _WAVE_SPEED = 1250.0  # speed of pressure waves in mud (Korteweg), m/s, for the age of a word
 _DEEPEST_M = 20_000.0  # depth that no hole exceeds, m
 _TURNING = 0.5  # speed of the top drive below which the string counts as sliding, rad/s
@@ -149,11 +149,11 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._surveys = LinkSurveys(self._tools, self._reference_at, self._errors, self.settings.verdict)
 
     def changeable_at_runtime(self, name: str) -> bool:
-        """Return whether a parameter belongs to place or verdict; their changes apply to the next survey."""
+        """Return whether a parameter can change at run time: those of place and verdict can, for the next survey."""
         return name.startswith(("place.", "verdict."))
 
     def on_settings_changed(self, settings: ReceiverSettings) -> None:
-        """Judge later surveys by the changed settings."""
+        """Use the changed settings for the verdict and the reference field of the next surveys."""
         self._reference = None
         self._surveys.quality = settings.verdict
 
@@ -191,7 +191,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
                 one.feed.link.attitude.take_quill(seconds, float(message.position[0]))
 
     def _on_downlink(self, message: msg.DownlinkState) -> None:
-        """Decode with the configuration after a downlink command, once the tool reports that it obeyed the command."""
+        """Change the tool configuration for decoding after a downlink command, once the tool confirms the command."""
         try:
             for one in self._inputs:
                 if one.feed.tool.downlink is not None:
@@ -206,9 +206,10 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
 
     def _take_all(self) -> None:
         """
-        Process all messages that have arrived, pump strokes before pressure.
+        Process all messages that have arrived: the pump strokes, then the pressure.
 
-        Pump strokes are published after the pressure of the same time, so the pressure is taken from its buffer first.
+        Strokes are published after the pressure of the same time. If the strokes were taken out of their buffer first,
+        the pressure taken after them could be newer than the newest strokes.
         """
         self._read_line()
         arrived = [one.buffer.take() if one.buffer is not None else [] for one in self._inputs]
@@ -315,7 +316,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._attitude.publish(wire.ATTITUDE.encode(row, self.frame(wire.SONDE_FRAME))[0].tobytes())
 
     def deactivate(self) -> None:
-        """Publish the remaining results."""
+        """Process the remaining messages, publish the remaining results, and prepare the links for new data."""
         self._take_all()
         for one in self._inputs:
             self._publish(one.feed, one.feed.finish())
@@ -328,7 +329,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self._line.close()
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return the state of the links."""
+        """Return the state of each link, and of the reference field."""
         found = [self._diagnostic(one) for one in self._inputs]
         heard = [one.feed for one in self._inputs if one.feed.heard]
         # The reference field depends on the date, which is taken from the stamps of the samples.

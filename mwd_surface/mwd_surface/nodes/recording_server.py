@@ -23,9 +23,9 @@ from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages
 from mwd_surface.ros.context import SurfaceContext
 
-_STOP_TIMEOUT_S = 1.3  # for each step of stopping a recording, so that all steps together take less than 3 s
-_ATTACH_TIMEOUT_S = 0.4  # for each table or file that is added to a recording
-_RETRY_S = 5.0  # between two attempts to start a recording
+_STOP_TIMEOUT_S = 1.3  # longest duration of a step of stopping a recording, s; all steps together take less than 3 s
+_ATTACH_TIMEOUT_S = 0.4  # longest duration of adding one table or file to a recording, s
+_RETRY_S = 5.0  # time between two attempts to start a recording, s
 _RESUMES = "free the disk, or make its folder writable; recording resumes by itself"
 _FASTER = "use a faster disk, or record fewer topics"
 _SEVERITIES = {
@@ -43,7 +43,7 @@ Attachment = tuple[str, str, bytes]
 
 class RecordingServer:
     """
-    Recordings of one well.
+    ROS interface for the recordings of one well.
 
     Parameters
     ----------
@@ -86,9 +86,11 @@ class RecordingServer:
             tables=tables,
             event_topic=self._node.resolve_topic_name("recorder/events"),
         )
-        # First stamp in this recording of each recorded topic of samples, ns; 0 before the first sample. For a topic of
-        # bursts, the name is that of the topic with single samples.
+        # Stamp of the first recorded sample, ns, or 0 before it, by the topic for single samples. This topic is the key
+        # also for samples that are recorded from a topic with bursts.
         self._first_ns: dict[str, int] = {}
+        # Recorded topics of samples without a message so far: relative name, and full name of the topic for single
+        # samples.
         self._unheard: dict[str, tuple[str, str]] = {}
         self._heard = False
 
@@ -142,7 +144,7 @@ class RecordingServer:
         self._alarm_log.clear_alarm("recording.start")
 
     def _start(self, name: str) -> Path:
-        """Begin a recording."""
+        """Begin a recording, and note its topics of samples for `tell_streams`; return the path of the recording."""
         path = self._recorder.start(name)
         over_link = self._live.parts.over_link
         resolve = self._node.resolve_topic_name
@@ -169,7 +171,7 @@ class RecordingServer:
             self._node.get_logger().error(printable(f"recording not finished: {error}"))
 
     def _attach_files(self) -> None:
-        """Attach the files to the recording before it ends."""
+        """Attach the files from `attachments` to the recording before the recording ends."""
         for name, media_type, data in self._attachments():
             try:
                 self._recorder.attach(name, media_type, data, time.time_ns(), _ATTACH_TIMEOUT_S)
@@ -178,7 +180,7 @@ class RecordingServer:
                 return
 
     def add_tables(self, tables: Mapping[str, Mapping[str, str]]) -> None:
-        """Add metadata to the running recording; later recordings have it from the start."""
+        """Add named tables to the metadata of the running recording; later recordings get them at their start."""
         if self._recorder.status().state != RecorderState.RECORDING:
             return
         for name, values in tables.items():
@@ -188,7 +190,7 @@ class RecordingServer:
                 self._alarm_log.log_event("recorder", f"{name} is not in the recording: {error}", Severity.WARNING)
 
     def close(self) -> None:
-        """Release the folder."""
+        """Close the recorder, which releases the folder of the recordings."""
         self._recorder.close(_STOP_TIMEOUT_S)
 
     # Services.
@@ -204,7 +206,7 @@ class RecordingServer:
         return self._respond(response, self._recorder.stop, "finished")
 
     def split(self, _request: Any, response: Any) -> Any:
-        """Continue in a new file (service)."""
+        """Continue the recording in a new file (service)."""
         return self._respond(response, self._recorder.split, "finished")
 
     def snapshot(self, _request: Any, response: Any) -> Any:

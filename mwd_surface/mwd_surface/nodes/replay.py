@@ -135,7 +135,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         self._last_clock = -math.inf
 
     def deactivate(self) -> None:
-        """Answer the request of a running step, which ends here unfinished."""
+        """End a running step, and answer its request with a failure."""
         self._end_step(False, "the replay stops")
 
     def cleanup(self) -> None:
@@ -326,7 +326,9 @@ class ReplayNode(GraphNode[ReplaySettings]):
 
 def published_topics(bag: Bag, settings: ReplaySettings) -> tuple[list[TopicInfo], list[str]]:
     """
-    Return the topics of a bag that a replay publishes, and why others are not published.
+    Return the topics of a bag that a replay publishes, and sentences about topics that cannot be published.
+
+    Topics that the settings do not select are in neither list.
 
     Raises
     ------
@@ -362,11 +364,12 @@ def published_topics(bag: Bag, settings: ReplaySettings) -> tuple[list[TopicInfo
 
 def profile(recorded: str) -> QoSProfile:
     """
-    Return a profile to publish with, compatible with every subscriber of the recorded profile.
+    Return the QoS profile to publish a topic with: every subscriber of the recorded topic can receive from it.
 
-    A writer discards messages that exceed its depth, even if a subscriber has not acknowledged them, and a replay
-    publishes faster than the sensor: the depth is therefore `LONG_QUEUE`. A latched topic gets the recorded depth,
-    because the depth determines the messages that late subscribers receive.
+    recorded: QoS profiles of the recorded publishers, as YAML in the recording. A publisher discards messages that
+    exceed its depth, even if a subscriber has not acknowledged them, and a replay publishes faster than the sensor: the
+    depth is therefore `LONG_QUEUE`. A latched topic gets the recorded depth (at least 10), because the depth determines
+    the messages that late subscribers receive.
     """
     try:
         first = parse_qos(recorded)[0]

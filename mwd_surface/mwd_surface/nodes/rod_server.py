@@ -21,7 +21,7 @@ _REMEDY = "count the rods in the hole, and correct the tally by their number"
 
 class RodServer:
     """
-    Rod tally of one well.
+    Rod tally of one well: count of the rods in the hole, from which the bit depth follows.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class RodServer:
             self._context.alarm_log.raise_alarm("rods.log", Severity.WARNING, text, _REMEDY)
 
     def begin(self) -> None:
-        """Restore the bit depth of the last change, with the time of this change, unless a newer depth is known."""
+        """Set the bit depth after the last change of the tally, with the time of that change, if no depth is known."""
         if self._settings.length_m is None or not self.tally.changes or self._surveys.depth.latest is not None:
             return
         last, log = self.tally.changes[-1], self._context.alarm_log
@@ -82,8 +82,9 @@ class RodServer:
         """
         Change the tally, and set the bit depth.
 
-        change: 1 adds a rod that has been drilled down, -1 removes one. count: number of rods counted by a person.
-        length: length of a rod that differs from the others, m. Return whether the change was made, and a message.
+        change: 1 adds a rod that has been drilled down, -1 removes the last rod. count: number of rods in the hole,
+        counted by a person. length: length of added rods if it differs from `rods.length_m`, m. Return whether the
+        change was made, and a message.
         """
         usual = self._settings.length_m
         if usual is None:
@@ -151,7 +152,7 @@ class RodServer:
         self._context.alarm_log.set_alarms("rods.apart", causes)
 
     def _without_survey(self) -> str:
-        """Return a warning if no survey was taken since the last rod change, or an empty text; empty before any rod."""
+        """Return a warning if no survey was taken since the last rod change; empty otherwise, and without rods."""
         rods, taken = len(self.tally.lengths), len(self._surveys.surveys.records)
         known, self._taken = self._taken, taken
         if not rods or taken > known:

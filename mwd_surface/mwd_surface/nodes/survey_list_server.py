@@ -311,7 +311,7 @@ class SurveyListServer(SurveyBook):
         self._path_publisher.publish(messages.path_message(path, surveys.changed_ns, local))
 
     def publish_accepted(self, record: SurveyRecord) -> None:
-        """Publish a survey that is now in use."""
+        """Publish a survey that has been accepted into the path."""
         self._accepted_publisher.publish(record.to_message(make))
 
     def _table(self) -> Callable[[], SurveyTable]:
@@ -329,7 +329,7 @@ class SurveyListServer(SurveyBook):
         """
         Write the report of the current list in the background.
 
-        Changes while a report is being written lead to one further report, of the last change.
+        If the list changes while a report is being written, one further report is written, of the newest list.
         """
         if self._reporting or self._reported is self.surveys or not self.surveys.records:
             return

@@ -52,11 +52,11 @@ class NodeOutlet(WellOutlet):
     alarm_log : AlarmLog
         Alarm log of the same well; set by the code that creates both.
     surveys : SurveyListServer or None
-        Survey list, which publishes itself.
+        Survey list of the node, which publishes the list and the accepted surveys.
     listeners : list of callable
         Functions that are called with the survey list after each change.
     rig_listeners : list of callable
-        Functions that are called with the samples of the rig data source in force when they arrive.
+        Functions that are called with arriving rig data, if their source is the one in force.
     recorder : callable
         Function that returns the status of the recorder.
     """
@@ -143,7 +143,7 @@ class NodeOutlet(WellOutlet):
             self.alarm_log.clear_alarm("slides.unsaved")
 
     def on_accepted(self, record: SurveyRecord) -> None:
-        """Publish a survey that is now in use."""
+        """Publish a survey that has been accepted into the path."""
         if self.surveys is not None:
             self.surveys.publish_accepted(record)
 
@@ -169,7 +169,11 @@ class NodeOutlet(WellOutlet):
         return self.simulator_seen() or bool(self._node.get_parameter("use_sim_time").value)
 
     def readings(self) -> dict[str, float]:
-        """Return the fill of the recorder's queue, %, and of the disk, 1/GB, by names of the supervision table."""
+        """
+        Return readings for the supervision table, by their names in the table.
+
+        The readings are the fill of the recorder's queue, %, and the inverse of the free space on the disk, 1/GB.
+        """
         if self.recorder is None:
             return {}
         status = self.recorder()

@@ -20,15 +20,15 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_text
 
 VARIABLE = "MWD_PAGE_TOKEN"
-_SHORTEST = 8
+_SHORTEST = 8  # least length of the secret, characters
 _MOST_WRONG = 5  # number of wrong secrets in a row from one address after which the address must wait
-_WAIT_S = 60.0  # time from the last wrong secret to the end of the wait
+_WAIT_S = 60.0  # time from the last wrong secret to the end of the wait, s
 _REMEMBERED = 1000  # number of addresses that are remembered
 
 
 def read_token(file: str, environment: Mapping[str, str]) -> str:
     """
-    Read the secret of the operator controls: first line of a file, else the variable MWD_PAGE_TOKEN; "" if none.
+    Read the secret of the operator controls: the first line of a file, else the variable MWD_PAGE_TOKEN, else "".
 
     Raises
     ------

@@ -52,16 +52,16 @@ COMMANDS: dict[str, dict[str, tuple[type | range, bool]]] = {
 }
 # Values of `decision` that return control of the rig or refuse a request; these are never delayed or locked out.
 _SAFE: dict[str, tuple[int, ...]] = {"judge_control": (1, 2), "decide_downlink": (2, 3)}
-_MAX_TEXT = 500
+_MAX_TEXT = 500  # largest length of a text argument, characters
 
 
 def is_safe(command: str, arguments: Mapping[str, Any]) -> bool:
-    """Return whether a command denies or aborts; an operator with the token can give it at any time."""
+    """Return whether a command denies or aborts, so that an operator with the token can send it at any time."""
     return arguments.get("decision") in _SAFE.get(command, ())
 
 
 def may_be_safe(command: str) -> bool:
-    """Return whether a command is safe with some of its arguments."""
+    """Return whether `is_safe` holds for a command with some values of its arguments."""
     return command in _SAFE
 
 
@@ -72,8 +72,8 @@ def checked_arguments(command: str, body: bytes) -> dict[str, Any]:
     Raises
     ------
     web.HTTPBadRequest
-        The body is not JSON, or a field is missing, unknown, of another type, not finite or too long; the text names
-        it.
+        The body is not JSON, or a field is missing, unknown, of another type, not finite or too long; the message names
+        the field.
     """
     given = json_object(body)
     fields = COMMANDS[command]

@@ -219,7 +219,7 @@ class FoxgloveServer:
 # Relay through which Foxglove clients with the older protocol name can connect: it changes one word of the handshake.
 
 
-NEW, OLD = b"foxglove.sdk.v1", b"foxglove.websocket.v1"
+NEW, OLD = b"foxglove.sdk.v1", b"foxglove.websocket.v1"  # names of the WebSocket subprotocol
 _HEADER = re.compile(rb"^sec-websocket-protocol:[^\r\n]*", re.IGNORECASE | re.MULTILINE)
 MOST_CONNECTIONS = 32
 _HANDSHAKE_S = 10.0
@@ -230,7 +230,7 @@ def renamed(head: bytes, old: bytes, new: bytes) -> tuple[bytes, bool]:
     """
     Change the subprotocol name in the head of a request or an answer; return the head and whether it was changed.
 
-    A head that already has the new name is left unchanged, because that side supports it.
+    A head that already has the new name is left unchanged, because its sender supports the new name.
     """
     line = _HEADER.search(head)
     if line is None or new in line.group() or old not in line.group():

@@ -104,7 +104,7 @@ class PageServer:
     on_replay : callable, optional
         Called with the checked request of `replay_handler`, for a page that plays a recording.
     now : callable, optional
-        Clock of the snapshots' `now` if it is not `clock`, as for a recording.
+        Clock of the times in the snapshots, s; by default `clock`. For a recording: time in the recording.
     exports : Path, optional
         Folder of the exported files, which anybody with the token can download.
 
@@ -282,7 +282,7 @@ class PageServer:
         safe_executor.shutdown(wait=False, cancel_futures=True)
 
     async def _accept(self, listening: socket.socket, server: web.Server) -> None:
-        """Accept connections up to the limits; drop those without a complete request in time."""
+        """Accept connections up to the limits; drop connections that do not send a complete request in time."""
         loop = asyncio.get_running_loop()
         while True:
             try:
@@ -306,7 +306,7 @@ class PageServer:
             loop.call_later(self.settings.request_timeout, self._expire, protocol)
 
     def _has_room(self, server: web.Server, peer: str) -> bool:
-        """Return whether a further connection from an address is accepted; drop one without a request if needed."""
+        """Return whether a connection from an address is accepted; drop a connection without a request to make room."""
         there = [peer_of(handler.transport) for handler in server.connections]
         full = len(there) >= self.settings.max_connections
         if not full and there.count(peer) < self.settings.max_per_peer:
@@ -468,12 +468,12 @@ def _json(table: Mapping[str, Any], status: int) -> web.Response:
 
 
 OnReplay = Callable[[dict[str, float | bool]], None]
-_LONGEST_S, _FASTEST = 1e9, 1000.0
+_LONGEST_S, _FASTEST = 1e9, 1000.0  # largest time to go to, s, and largest rate of playback
 
 
 def replay_handler(on_replay: OnReplay, timeout_s: float) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
     """
-    Return the handler of the request; its JSON may hold playing (true or false), rate (0.01 to 1000) and seek (s).
+    Return the handler of POST /replay; the JSON may have playing (true or false), rate (0.01 to 1000) and seek (s).
 
     on_replay: called with the given fields in the thread of the server. timeout_s: longest wait for the body.
     """

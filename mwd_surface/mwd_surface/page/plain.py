@@ -78,7 +78,7 @@ def plain(value: Any) -> Any:
 
 
 def word(member: enum.Enum) -> str | list[str]:
-    """Return the word of a member of an enumeration on the page; of status bits the list of their words."""
+    """Return the page's word for a member of an enumeration, or a list of words for a set of status bits."""
     if isinstance(member, str):
         return str(member)
     if isinstance(member, enum.Flag):

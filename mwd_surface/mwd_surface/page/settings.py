@@ -10,7 +10,7 @@ from mwd_sensors.core.settings import setting
 
 @dataclasses.dataclass(frozen=True)
 class PageSettings:
-    """Address of the page, who may request it, and its limits."""
+    """Settings of the live page: address, access and limits."""
 
     host: str = setting("127.0.0.1", "Address of the network interface on which the page is served.", fixed=True)
     port: int = setting(8080, "TCP port of the page. 0 selects a free port.", low=0, high=65535, fixed=True)

@@ -46,7 +46,7 @@ class Client:
         self.may_send.set()
 
     def sent_one(self) -> None:
-        """Count a state that is sent."""
+        """Count a sent state; `may_send` is cleared while `_ON_THE_WAY` states are unanswered."""
         self.on_the_way += 1
         if self.on_the_way >= _ON_THE_WAY:
             self.may_send.clear()
@@ -59,7 +59,7 @@ class Client:
 
 class StateFeed:
     """
-    The present snapshot and the clients that follow it.
+    Feed of the present state of the well (snapshot) to the clients.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class StateFeed:
     clock : callable
         Steady time, s.
     now : callable
-        Returns the time by the clock of the snapshots' `now`, s; by default `clock`.
+        Function that returns the present time by the clock of the times in the snapshots, s; by default `clock`.
     """
 
     def __init__(
@@ -129,7 +129,10 @@ class StateFeed:
 
     def message(self, seen: Seen, skipped: int, *, cached: bool = True) -> tuple[str, Seen, bool]:
         """
-        Return a message with the sections that are new to a client, its new `Seen`, and whether any section is new.
+        Return a message for a client, the `Seen` of the client after the message, and whether any section is new.
+
+        The message has the sections that the client does not know yet. seen: state known to the client. skipped: number
+        of states that the client did not get.
 
         `now` in the message is the time at which the message was made, for the ages of values. `state_at` is the time
         of the state, which is earlier: without a browser the state is updated once a second.

@@ -31,7 +31,7 @@ from mwd_surface.trajectory.plan import Plan
 STRIPS = ("history", "trend", "depth_log")
 # Sections with values of samples: they hold the freshness and the age of each value, so they are made anew each time.
 _MEASURED = ("attitude", "toolface", "drilling", "rig")
-# Parts of the state that are sections with the same fields; of a sequence, the section has the first rows.
+# Parts of the state that are sections with the same fields. If the part is a sequence, the section has its first rows.
 _PARTS = (
     *("offset", "rods", "deviation", "branches", "closure", "quill", "link", "control", "advice", "downlink", "inputs"),
     *("survey_progress", "tool_health"),
@@ -47,8 +47,8 @@ class _View(NamedTuple):
     """
     A section that is kept until it changes.
 
-    parts: names of the parts of the state from which it is made; the first one gives `since`. more: any other value on
-    which it depends. build: function that makes it.
+    parts: names of the parts of the state from which the section is made; the time of change of the first part is
+    `since`. more: any other value on which the section depends. build: function that makes the section.
     """
 
     parts: tuple[str, ...]
@@ -60,8 +60,8 @@ class StateJson:
     """
     Sections of the page with their revisions.
 
-    Sections are kept until a part of the state from which they are made changes. revised_from: sections of an earlier
-    state, for example before a recording was rewound; each gets a higher revision.
+    A section is kept until one of the parts of the state from which it is made changes. revised_from: sections of an
+    earlier state, for example before a recording was rewound; the revisions continue above those of these sections.
     """
 
     def __init__(self, settings: LiveSettings | None = None, revised_from: StateJson | None = None) -> None:
@@ -100,7 +100,7 @@ class StateJson:
         return {"now": number(state.now), "sections": sections, "revisions": dict(self._revisions)}
 
     def _measured(self, state: WellState) -> Iterator[tuple[str, Table]]:
-        """Yield name and table of each section whose values have a freshness of their own."""
+        """Yield name and table of each section whose entries come from samples; an entry may be fresh or stale."""
         # Stream counts change all the time; updating them once per second is enough.
         if state.now - self._counted_at >= 1.0 or state.now < self._counted_at:
             self._counted_at = state.now
@@ -114,7 +114,7 @@ class StateJson:
             yield name, table
 
     def _views(self, state: WellState) -> dict[str, _View]:
-        """Return the sections that change only with new data."""
+        """Return, by name, the definitions of the sections that change only with new data."""
         section, north, most = state.section_azimuth, state.well.north_reference, self._settings.max_rows
         whole = ("surveys",)
         return {

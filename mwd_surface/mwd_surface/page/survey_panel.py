@@ -43,7 +43,7 @@ _KINDS = {
 
 
 def _kind(signal: Signal) -> str:
-    """Return the kind of number on the page; the page converts the vertical angle by the convention of the well."""
+    """Return the kind of number of a signal on the page, such as "length"; "inclination" may be shown as a dip."""
     return "inclination" if signal.is_inclination else _KINDS[signal.listed_scale.symbol]
 
 
@@ -93,7 +93,7 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
 
 
 def _other_value(survey: Survey | None, north: North) -> dict[str, Any] | None:
-    """Return azimuth, sigma and verdict of a value of a survey that is not in force; None without such a value."""
+    """Return azimuth, its sigma and the verdict of a replaced or proposed revision of a survey; None without one."""
     if survey is None:
         return None
     return {
@@ -108,7 +108,7 @@ def _alternatives(s: Survey, north: North) -> list[list[float | None]]:
 
 
 def _verdict(record: SurveyRecord) -> tuple[str, str]:
-    """Return the verdict in force and its author."""
+    """Return the verdict in force, and the name of the person who gave it, or "automatic"."""
     if record.judgement == Judgement.ACCEPTED:
         return "accepted", record.operator_name
     if record.judgement == Judgement.REJECTED:

@@ -54,7 +54,7 @@ def sections(data: PlotData, what: Sequence[str]) -> list[str]:
 
 def figure(data: PlotData, what: Sequence[str]) -> Figure:
     """
-    Return the plot.
+    Return the plot of a bag with the parts named in `what`.
 
     Every panel has a title with its topic, an axis with its unit, and a legend.
     """

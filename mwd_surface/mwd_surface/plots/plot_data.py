@@ -24,8 +24,8 @@ from mwd_surface.surveys.message_conversion import record_of
 from mwd_surface.surveys.survey_record import SurveyRecord
 
 _SURVEY, _RECORD = "mwd_msgs/msg/Survey", "mwd_msgs/msg/SurveyRecord"
-# A stamp that differs by more than this from the time of recording is from another clock; then the time of recording is
-# used.
+# Largest difference between the stamp of a sample and its time of recording, ns. A stamp that differs more is from
+# another clock, and the time of recording is used instead.
 _OTHER_CLOCK_NS = 60 * wire.NANOSECONDS
 # An interval is still if the variation within every half second is less than these limits, rad/s and m/s^2, and less
 # than _AS_QUIET times the 10th percentile. Its least length is _STILL_S, s.
@@ -74,7 +74,7 @@ class AllanOf:
 @dataclasses.dataclass
 class PlotData:
     """
-    Data to draw.
+    Data for the plot of a bag.
 
     Attributes
     ----------
@@ -229,7 +229,7 @@ def _pens(bag: Bag, stream: RecordingStream, what: Sequence[str], data: PlotData
 
 
 def _compared(trace: Trace, what: Sequence[str]) -> bool:
-    """Return whether a trace is the truth, and is read for comparison because the attitude is drawn."""
+    """Return whether a trace is the truth of the simulator, which is drawn for comparison if the attitude is drawn."""
     return trace.what == "truth" and "attitude" in what
 
 
@@ -568,7 +568,7 @@ class LongAllan:
 # Reduction of a long signal to the width of a plot: lowest and highest value in each of a fixed number of time bins.
 
 
-# The line is interrupted where samples are farther apart than this multiple of their usual interval.
+# Interval between two samples, as a multiple of the usual interval, above which the line is interrupted.
 _GAP = 5.0
 
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The receiver: turns standpipe pressure into words with confidence and sigma. Free of ROS; nodes feed it."""
+"""Receiver at the surface: decodes pressure, voltage or bytes into words with confidence and sigma, without ROS."""

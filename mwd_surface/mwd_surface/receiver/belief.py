@@ -15,17 +15,18 @@ import math
 
 # Prior probability that the table is wrong from the first word on.
 _FAILING = 0.06
-# Share of the prior with which the next transmission begins when the table of the last one was right. It is not smaller
-# because another sequence, a second tool or a false sync remain possible.
+# Prior of a wrong table for a transmission after one with a right table, as a share of `_FAILING`. The share is not
+# smaller, because another sequence, a second tool or a false sync remain possible.
 _ANEW = 0.25
 # Probability that the table becomes wrong at a word, because that word is longer or shorter than in the table, or that
 # a second tool begins; and that a wrong table becomes right again, for example after a disturbance of several words.
 _BECOMES_WRONG, _BECOMES_RIGHT = 0.002, 0.02
+# Least confidence with which a word of a survey and a word of a toolface sequence are believed.
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
 # Probability that a word does not fit although the table is right, so that one odd word in a hundred does not decide.
 _SLIP = 0.01
-# Greatest log likelihood ratio by which the pulses of one word speak for the table: a table that is wrong in another
-# way, for example in its parities, has its pulses in the windows too.
+# Largest log likelihood ratio of the pulses of one word in favour of the table. It is small, because the pulses lie in
+# the windows also if the table is wrong in another way, for example in its parities.
 _MOST_FIT = 0.5
 
 
@@ -68,7 +69,7 @@ class Judged:
 
 
 class Doubt:
-    """Probability that the table is wrong, after the words so far: their parities and their pulses."""
+    """Probability that the table is wrong, updated with the parities and the pulses of each decoded word."""
 
     def __init__(self, prior: float = _FAILING) -> None:
         self._odds = math.log(1.0 / prior - 1.0)
@@ -77,8 +78,8 @@ class Doubt:
         """
         Return the doubt with which the next transmission by the same configuration begins.
 
-        Parities that held lower the prior of the next transmission. Parities that failed do not raise it, because one
-        false sync says nothing about the next.
+        Parities that held lower the prior of the next transmission. Parities that failed do not raise it, because the
+        next sync may be right after a false one.
         """
         return Doubt(_FAILING * (_ANEW + (1.0 - _ANEW) * min(self.failing / _FAILING, 1.0)))
 
@@ -89,9 +90,9 @@ class Doubt:
 
     def learn(self, words: list[Soft]) -> list[float]:
         """
-        Add decoded words; return for each the probability that the word table is right at it and that its pulses fit.
+        Add decoded words; return, for each word, the probability that the table is right there and that the pulses fit.
 
-        The later words are used, too: a word between words with pulses that do not fit is not trusted.
+        Later words count for earlier ones, too: a word between words whose pulses do not fit is not trusted.
         """
         forward = []
         evidence = [_evidence(word) for word in words]
@@ -116,7 +117,7 @@ def _probability(odds: float) -> float:
 
 
 def _evidence(word: Soft) -> float:
-    """Return the log likelihood ratio of a word between a right and a wrong table."""
+    """Return the log likelihood ratio of a word for a right table against a wrong table."""
     parity = 0.0 if word.holds is None else math.log((_SLIP + (1.0 - 2.0 * _SLIP) * word.holds) / 0.5)
     fits = 0.0 if math.isnan(word.fits) else min(word.fits, _MOST_FIT)
     return math.log((1.0 - _SLIP) * math.exp(parity + fits) + _SLIP)

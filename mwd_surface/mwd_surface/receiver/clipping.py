@@ -2,12 +2,12 @@
 """
 Samples at a limit of the gauge or its converter, replaced by the most probable pressure beyond the limit.
 
-A clipped sample is a bound: the pressure was at the limit or beyond it. The samples of some seconds follow an
-autoregressive model, and the clipped ones are those that make these seconds most probable without crossing the bound
-back (J. Tobin, Econometrica 26 (1958) 24, for the bound; A. J. E. M. Janssen et al., IEEE Trans. ASSP 34 (1986) 317,
-for the interpolation). Model and samples are estimated in turn. A limit is a value that occurs often and is hardly ever
-exceeded. The spans of the signal are times; the spans that the model needs to be estimated are numbers of samples. A
-gap in the times separates models.
+A clipped sample is a bound: the pressure was at the limit or beyond it. The samples of some seconds are modelled as an
+autoregressive process. The clipped samples get the values, at or beyond the limit, that make these seconds most
+probable (J. Tobin, Econometrica 26 (1958) 24, for the bound; A. J. E. M. Janssen et al., IEEE Trans. ASSP 34 (1986)
+317, for the interpolation). Model and samples are estimated in turn. A limit is a value that occurs often and is hardly
+ever exceeded. Lengths that belong to the signal are in s; lengths that belong to the estimate of the model are numbers
+of samples. After a gap in the times a new model begins.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ _BLOCK_S, _AHEAD_S, _EACH, _MOST = 5.0, 4.0, 20, 2048
 # even if the line is aliased: with 16 at 10 Hz the error is a third larger, with 8 at 5 Hz twice as large. `_FLOOR`:
 # white noise added to the model, as a share of its variance.
 _ORDER_S, _LEAST_ORDER, _MOST_ORDER, _FLOOR = 1.6, 24, 80, 1e-6
-# A value counts as a limit if it has at least `_VISITS` samples, and `_EXCEEDED` times as many samples as lie beyond
-# it. A value that noise reaches repeatedly by chance does no harm: the replaced samples then stay near their true
-# pressure.
+# A value counts as a limit if more than `_VISITS` samples have exactly this value, and more than `_EXCEEDED` times as
+# many as lie beyond the value. A value that noise reaches repeatedly by chance does no harm: the replaced samples then
+# stay near their true pressure.
 _VISITS, _EXCEEDED = 8.0, 8.0
 # Number of extreme values whose samples are counted, and time constant, s, with which the counts decay: longer than a
 # connection of drill pipe, so that the limit is still known after the connection.
 _LEVELS, _FORGOTTEN_S = 8, 1800.0
-# A limit at less than this share of the largest value is the zero of a gauge while the pumps are off.
+# A limit below this share of the largest value is ignored: it is the reading without pressure, while the pumps are off.
 _ZERO = 0.05
 # Longest run of samples at a limit, s, that is replaced; a longer run contains no information about the pressure.
 _LONGEST_S = 3.0
-# Smallest interval between samples that is a gap, relative to the usual interval.
+# An interval between two samples counts as a gap if it is more than this number of times the usual interval.
 _GAP = 4.0
 # Number of iterations over model and samples, and over the samples that are at their bounds.
 _ROUNDS, _BOUNDS = 3, 6
@@ -76,18 +76,18 @@ class Declipper:
         self._levels[:, :, 0] = -np.inf
 
     def push(self, time: Array, value: Array) -> tuple[Array, Array]:
-        """Add rising times, s, and samples, shape (n,); return those that are complete."""
+        """Add rising times, s, and samples, shape (n,); return the times and samples that are now final."""
         more = np.stack([time, value, np.zeros(len(value))])
         _mark(more[1], self._levels, math.exp(-self._spacing / _FORGOTTEN_S), more[2])
         self._open = np.concatenate([self._open, more], axis=1) if self._open.size else more
         return self._released(False)
 
     def finish(self) -> tuple[Array, Array]:
-        """Return the samples that are left."""
+        """Return the times, s, and samples that are left at the end."""
         return self._released(True)
 
     def _released(self, finished: bool) -> tuple[Array, Array]:
-        """Return the complete part: samples before a clipped one, and blocks that begin with a clipped one."""
+        """Return the final samples: those before a clipped sample, and whole blocks from a clipped sample on."""
         time, value, sides = self._open
         count, done = len(time), value.copy() if sides.any() else value
         gaps = np.append(np.flatnonzero(np.diff(time, prepend=self._last_s) > _GAP * self._spacing), count)
@@ -137,7 +137,7 @@ def _mark(value: Array, levels: Array, kept: float, sides: Array) -> None:
 
 @compiled
 def _count(x: float, rows: Array) -> None:
-    """Count a sample at its value; a new extreme value replaces the value with the fewest samples."""
+    """Count a sample in a table of extreme values; a new extreme value replaces the value with the fewest samples."""
     fewest, known = 0, False
     for j in range(len(rows)):
         if x > rows[j, 0]:
@@ -183,7 +183,7 @@ def unclipped(value: Array, sides: Array, order: int) -> Array:
 
 
 def _short(sides: Array, longest: int) -> Array:
-    """Return the sides without those of runs longer than a number of samples."""
+    """Return `sides`, with 0 in place of each run of equal values that is longer than `longest` samples."""
     ends = np.flatnonzero(np.diff(sides)) + 1
     out = sides.copy()
     for run in np.split(np.arange(len(sides)), ends):
@@ -194,9 +194,10 @@ def _short(sides: Array, longest: int) -> Array:
 
 def _most_probable(out: Array, value: Array, sides: Array, at: Indices, lags: Array) -> Array:
     """
-    Return the samples at some places that make the prediction errors smallest within their bounds.
+    Return the most probable samples at the places `at`: with the smallest prediction errors and within their bounds.
 
-    out: all samples; value: the limits at those places; lags: autocorrelation of the prediction error filter.
+    out: present estimate of all samples; value: all samples as measured, so that those at `at` are the bounds; lags:
+    autocorrelation of the prediction error filter.
     """
     free = np.ones(at.size, dtype=bool)
     best: Array = value[at].copy()

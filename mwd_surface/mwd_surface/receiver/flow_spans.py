@@ -76,7 +76,7 @@ class FlowSpans:
             self.spans.append(NoFlowSpan(at_s, math.inf))
 
     def flowing(self, at_s: float) -> bool | None:
-        """Return whether the pumps are on at a time, s, within the known span; None before anything is known."""
+        """Return whether the pumps are on at a time, s; None while the state of the pumps is not known."""
         if not self._known:
             return None
         last = next((span for span in reversed(self.spans) if span.start_s <= at_s), None)

@@ -12,7 +12,7 @@ from mwd_sensors.core.compiled import compiled
 from mwd_surface.receiver.resampling import interpolate
 
 STEPS_PER_TU = 8
-# Number of values after the last position that the interpolation needs; without them a later call would differ.
+# Number of values after a position that the interpolation needs; with fewer values the result would change later.
 REACH = 4
 # A gauge counts as frozen after this number of equal values in a row: four pulse widths without any noise.
 _FROZEN = 8 * STEPS_PER_TU
@@ -74,7 +74,7 @@ class Grid:
 
     def samples(self, position: float, pace: float, count: int) -> tuple[Array, Array]:
         """
-        Interpolate values between those of the grid.
+        Return the pressure at even positions between the values of the grid, by interpolation.
 
         Parameters
         ----------
@@ -103,10 +103,11 @@ class Grid:
 # Crank angle of each pump at any time, from counted strokes.
 
 
-# A pause of this many usual intervals means that the pump stands or its switch failed. Of a counter that misses 5 % of
-# the strokes, two in a row are missed every few minutes, and four in a row hardly ever.
+# Longest interval between two strokes of a running pump, in usual intervals; in a longer pause the pump stands or its
+# switch has failed. A counter that misses 5 % of the strokes misses two in a row every few minutes, and four in a row
+# hardly ever.
 _PAUSE = 4.5
-_LEAST = 8  # least strokes to determine a pump's rate
+_LEAST = 8  # least number of strokes to determine the rate of a pump
 # Widths of the smoothing of strokes that are tried, 1 sigma, strokes.
 _SMOOTHED = (1.0, 2.0, 4.0, 8.0)
 # Significance level at which a line is attributed to a pump.
@@ -217,7 +218,12 @@ def _without_jitter(time: Array, turns: Array) -> Array:
 
 @compiled
 def _local_line(time: Array, turns: Array, sigma: float, smoothed: Array, others: Array) -> None:
-    """Fill each time by a Gaussian-weighted line through the times near it, with and without the time itself."""
+    """
+    Fill the time of each stroke on a Gaussian-weighted line through the times near it, s.
+
+    turns: number of each stroke. sigma: 1 sigma of the weights, strokes. smoothed: the line includes the stroke itself;
+    others: the line is without the stroke.
+    """
     reach = math.ceil(2.5 * sigma)
     for k in range(len(time)):
         s0 = s1 = s2 = t0 = t1 = 0.0

@@ -29,7 +29,7 @@ _LONGEST_LINE = 1_000_000  # characters
 
 
 def is_json(text: str) -> bool:
-    """Return whether a text begins as JSON of samples does."""
+    """Return whether a text begins like a JSON object or list that may hold samples."""
     return _START.match(text) is not None
 
 
@@ -60,7 +60,7 @@ def read(path: Path, encoding: str) -> tuple[dict[str, list[str]], int]:
                     column.append(cell)
                 count += 1
                 budgets.PRESSURE_JSON.check("columns", len(columns))
-                # A sample is short where it lacks quantities, or where one value holds for many samples.
+                # Count the cells of a full table: a sample may lack quantities in the file, or share a value.
                 budgets.PRESSURE_JSON.check("records", count * max(len(columns), 1))
     except BudgetError as error:
         raise BudgetError(f"{path}: {error}") from error
@@ -80,7 +80,7 @@ def cells_of(line: str) -> list[dict[str, str]]:
 
 
 def _values(path: Path, encoding: str) -> Iterator[Any]:
-    """Return the values of the lines, None for a line that is not JSON; or the value of the whole document."""
+    """Yield the JSON value of each line, None for a line that is not JSON; or the value of a file with one document."""
     with path.open(encoding=encoding, errors="replace") as file:
         first = _loaded(file.readline(_LONGEST_LINE))
     if first is None and path.stat().st_size <= budgets.PRESSURE_JSON.size:
@@ -97,11 +97,12 @@ def _values(path: Path, encoding: str) -> Iterator[Any]:
 
 
 def _loaded(line: str) -> Any:
-    """Return the value of a line; None if it is not JSON. The line may be an item of a list."""
+    """Return the JSON value of a line, which may be an item of a list over several lines; None if it is not JSON."""
     text = line.strip(" \t\r\n\x1e\ufeff,\x00")
     for one in (text, text.lstrip("[").strip(), text.rstrip("]").strip()):
         try:
-            # Only a line of many brackets can be nested deeply; to count them takes longer than to read a usual line.
+            # `load_json` measures the nesting, which takes longer than reading a usual line: call it only for a line
+            # with many brackets.
             flat = one.count("[") + one.count("{") <= (budgets.PRESSURE_JSON.nesting or 0)
             value = json.loads(one) if flat else load_json(one, budgets.PRESSURE_JSON)
         except (ValueError, RecursionError):
@@ -111,7 +112,7 @@ def _loaded(line: str) -> Any:
 
 
 def _rows(value: Any, names: Sequence[str]) -> Iterator[dict[str, str]]:
-    """Yield the samples in a value as cells by name; names: the names of the values, if it is a plain list."""
+    """Yield the samples in a JSON value as cells by name; names: names of the cells, if the value is a plain list."""
     if isinstance(value, list) and not any(isinstance(one, (dict, list)) for one in value):
         yield {(names[k] if k < len(names) else str(k + 1)): _cell(one) for k, one in enumerate(value)}
     elif isinstance(value, list):
@@ -127,7 +128,7 @@ def _rows(value: Any, names: Sequence[str]) -> Iterator[dict[str, str]]:
 
 
 def _inside(samples: list[Any], heads: list[list[str]]) -> Iterator[dict[str, str]]:
-    """Return the samples of a list inside an object, named by the first list of names next to it."""
+    """Yield the samples of a list inside an object; the first list of `heads` in the same object names the values."""
     yield from _rows(samples, heads[0] if heads else ())
 
 
@@ -141,7 +142,7 @@ def _side_by_side(lists: dict[str, list[Any]]) -> Iterator[dict[str, str]]:
 
 
 def _flat(value: dict[str, Any], above: str) -> Iterator[tuple[str, str]]:
-    """Return the quantities of an object and of the objects inside it, with dots between the names."""
+    """Yield name and cell of each quantity of an object and of the objects inside it, with dots between the names."""
     for name, one in value.items():
         whole = name if not above else f"{above}.{name}"
         if isinstance(one, dict):

@@ -17,7 +17,7 @@ STEP_S = 5.0
 """Largest step of time, forward or back, that needs no confirmation, s."""
 LONGEST_GAP_S = 3600.0
 """Longest gap over which a clock is believed to run on, s: no synchronisation with the tool lasts that long."""
-_MOST = 1e-3  # largest share of lone stamps; more of them are two interleaved clocks
+_MOST = 1e-3  # largest share of lone stamps; a larger share means two interleaved clocks
 
 
 def lone(times: Array) -> NDArray[np.bool_]:
@@ -35,14 +35,14 @@ def lone(times: Array) -> NDArray[np.bool_]:
     wrong[1:-1] = (before <= after) & ((at < before - STEP_S) | (at > after + STEP_S))
     wrong[0] = times[1] <= times[2] < times[0] - STEP_S or times[1] - times[0] > LONGEST_GAP_S
     wrong[-1] = times[-1] + STEP_S < times[-3] <= times[-2] or times[-1] - times[-2] > LONGEST_GAP_S
-    # The neighbour of a wrong first or last time is right.
+    # The first or the last time counts as wrong only if the time next to it is not wrong.
     wrong[0] &= not wrong[1]
     wrong[-1] &= not wrong[-2]
     return wrong if wrong.sum() <= _MOST * len(times) + 1 else np.zeros_like(wrong)
 
 
 class SteadyTimes:
-    """Times of samples that arrive: drops lone wrong stamps, and lets the time run on where a clock was set."""
+    """Filter for the times of arriving samples: it drops lone wrong stamps, and runs on where a clock was set."""
 
     def __init__(self) -> None:
         self._last = -np.inf
@@ -51,7 +51,7 @@ class SteadyTimes:
 
     def steady(self, time_s: Array, value: Array) -> tuple[Array, Array]:
         """
-        Return the samples whose times are believed, with times that run on.
+        Return the samples with confirmed times; the times run on where a clock was set.
 
         Parameters
         ----------
@@ -75,7 +75,7 @@ class SteadyTimes:
         return found[:, 0], found[:, 1]
 
     def _take(self, at: float, value: float) -> list[tuple[float, float]]:
-        """Return the samples that are believed now."""
+        """Add a sample; return the times and values of the samples whose times are now confirmed."""
         if not np.isfinite(at):
             return []
         out, before = [], self._unconfirmed

@@ -27,16 +27,16 @@ from mwd_surface.list_files.number_cells import is_null, split, value
 from mwd_surface.receiver import json_columns, pressure_table, table_times
 from mwd_surface.rig.wits import format as wits
 
-_RETRY_S = 2.0
+_RETRY_S = 2.0  # time between two attempts to connect, s
 _MOST_AT_ONCE = 1 << 20  # bytes read per call
 _LONGEST_LINE = 4096  # bytes; a longer line is not a row of a table
-_HEAD_LINES = 20  # lines by which the format is decided
-_LONGEST_HEAD = 2000  # lines kept while their format is not known
-_SILENT_LINES = 20  # lines without a pressure that are not single bad samples
+_HEAD_LINES = 20  # number of first lines from which the format is determined
+_LONGEST_HEAD = 2000  # largest number of lines that are kept while their format is not known
+_SILENT_LINES = 20  # number of lines in a row without a pressure that is reported as a failure
 # Cell of a line whose cells are separated by spaces: a number with a decimal comma, or a text without comma.
 _CELL = r"(?:[+-]?\d*,\d+(?:[eE][+-]?\d+)?|[^\s,]+)"
 _SPACED_DECIMALS = re.compile(rf"^{_CELL}(?:\s+{_CELL})+$")
-_KEEP_ALIVE_S = 30.0
+_KEEP_ALIVE_S = 30.0  # time between two messages that keep a connection alive, s
 _SPPA = "0121"  # WITS item of the average standpipe pressure
 
 
@@ -166,7 +166,7 @@ class _OfStream:
 
     @property
     def failure(self) -> str:
-        """Reason why no samples arrive."""
+        """Reason why no samples arrive; empty while samples may arrive."""
         return self._stream.failure or self._wrong
 
     @property
@@ -265,7 +265,7 @@ class LineSource(_OfStream):
 
 class _Format:
     """
-    Format of lines, decided once by the first ones: separator, columns, decimal marks and times.
+    Format of lines, determined once from the first lines: separator, columns, decimal marks and times.
 
     Parameters
     ----------

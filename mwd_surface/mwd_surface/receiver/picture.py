@@ -48,7 +48,7 @@ def figure_of(
     words : sequence of ReceivedWord
     tool : ToolConfiguration
         Tool configuration: its pulses are drawn on the last survey, and it sets the range of the spectrum.
-    quantity : Quantity
+    quantity : PictureQuantity
         Quantity of the samples.
     """
     from matplotlib.figure import Figure

@@ -20,13 +20,15 @@ from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 from mwd_surface.receiver.lone_stamps import lone
 
 _RECORDINGS = (".mcap", ".db3", ".bag", ".zstd", ".lz4")
-# WAV samples are fractions of full scale; this full-scale pressure keeps them far above any rounding.
+# Pressure of a WAV sample at full scale, Pa. WAV samples are fractions of full scale; with this value they are far
+# above any rounding.
 _WAV_FULL_SCALE = 1.0e7
-# Longest pause of a recording; a longer one means that the clock was set.
+# Longest pause of a recording, s; a longer pause means that the clock was set.
 _LONGEST_GAP_S = 86400.0
-# Longest usual time between samples. A gauge for pulses samples at least ten times per second.
+# Longest usual time between samples, s. A gauge for pulses samples at least ten times per second.
 _SLOWEST_S = 10.0
-# A recording longer than a day that consists mostly of pauses is refused: each pause would be filled with samples.
+# Shortest pause between two samples, s, and largest share of pauses in a recording. A recording with a larger share and
+# with more than a day of pauses is refused: each pause would be filled with samples.
 _GAP_S, _MOST_GAPS = 60.0, 0.9
 # Clipping is reported above this share of samples at a limit, and this number of times that the pressure reaches it.
 _CLIPPED, _VISITS = 0.001, 3
@@ -194,7 +196,8 @@ def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
     except BudgetError as error:
         raise ValueError(f"{path}: {error}") from error
     except (ValueError, EOFError, struct.error, ZeroDivisionError, UnboundLocalError) as error:
-        # scipy raises the last two for a file without a format or data chunk, or with a sample width of 0.
+        # scipy raises UnboundLocalError for a file without a format or data chunk, and ZeroDivisionError for a sample
+        # width of 0.
         raise ValueError(f"{path}: not a WAV that can be read (PCM or float): {error}") from error
     table = samples if samples.ndim == 2 else samples[:, np.newaxis]
     if gauge > table.shape[1]:
@@ -239,7 +242,7 @@ def _clipped(values: Array) -> list[str]:
     """
     Return notes on a highest or lowest value that the pressure reaches again and again, as a clipping converter does.
 
-    The lowest value near zero is that of pumps that are off.
+    A lowest value near zero is not reported: it is the pressure while the pumps are off.
     """
     notes = []
     size = float(np.max(np.abs(values), initial=0.0))
@@ -263,7 +266,7 @@ def _frozen(time: Array, values: Array) -> list[str]:
     held = time[ends] - time[begins]
     usual = float(np.percentile(held, 99))
     held_at = values[begins]
-    # At the highest value it may clip, and near zero the pumps are off.
+    # At its highest or lowest value the gauge may clip, and near zero the pumps are off.
     moving = (held_at < values.max()) & (held_at > values.min()) & (np.abs(held_at) > _OFF * np.max(np.abs(values)))
     stuck = (held > max(_FROZEN_S, 10.0 * usual)) & moving
     if not stuck.any():

@@ -32,8 +32,9 @@ from mwd_surface.receiver import json_columns, table_times
 
 _TITLES = 100  # lines of titles above the names
 _HEAD = 20_000  # bytes in which names, units and the first rows stand
-_FULL_SCALE = 1.0e7  # Pa of a gauge whose range is not known: 20 mA, or 1 in a WAV
-# A; current loop of 4 to 20 mA, below 3.6 mA the wire is broken (NAMUR).
+_FULL_SCALE = 1.0e7  # pressure at 20 mA of a gauge whose range is not known, Pa
+# Current loop of 4 to 20 mA: current at no pressure, its increase up to full pressure, and current below which the wire
+# is broken (NAMUR), A.
 _LIVE_ZERO, _SPAN, _BROKEN = 4e-3, 16e-3, 3.6e-3
 PRESSURES = {
     "pa": 1.0,
@@ -72,9 +73,9 @@ _ELSEWHERE = re.compile(
 )
 _PUMP = re.compile(r"^(?:pump|pump no|pump number|泵)\b")
 _QUALITY = re.compile(r"^(?:quality|qual|status|state|qualität)\b")
-_BAD_QUALITY = 64  # a quality below it is bad, by the numbers of OPC and in percent
+_BAD_QUALITY = 64  # least quality of a good sample, for OPC quality numbers and for percent
 _GOOD_QUALITIES = {192.0, 216.0, 100.0}
-# Columns of a table with a row for each value of each tag.
+# Column names in a table that has a separate row for each value of each measured quantity (tag).
 _TAG = re.compile(
     r"^(?:tag|point|channel|sensor|signal|mnemonic|parameter|variable|metric|measurement|item|node|curve|topic|name|id|messstelle|kanal|canal|etiqueta|标签|测点|位号)"
     r"(?: ?(?:name|id|no|number|path))?$"
@@ -88,7 +89,7 @@ _NUMBER = r"^[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$"
 _GROUPED = r"^[+-]?\d{1,3}(?:[.,'’   ]\d{3})+(?:[.,]\d*)?$"
 _CLOCK = r"\d{1,2}:\d{2}(:\d{2}([.,:]\d*)?)?( ?[AaPp]\.?[Mm]\.?)?"
 _DIGITS = r"\d{3,6}(\.\d*)?"  # a clock HHMMSS next to a date
-_HIGHEST = 3.0e8  # Pa; no rig has more
+_HIGHEST = 3.0e8  # pressure that no rig exceeds, Pa
 
 
 @dataclasses.dataclass(frozen=True)
@@ -271,7 +272,7 @@ def untagged(row: Mapping[str, str]) -> dict[str, str]:
 
 
 class _TableFile:
-    """A table whose head is known: where its rows begin, how its cells are separated, and its columns."""
+    """File with a table, after its first lines were read: first row, separator of the cells, and columns."""
 
     def __init__(self, path: Path, columns: Mapping[str, str]) -> None:
         size = check_regular(path, budgets.PRESSURE)
@@ -298,7 +299,7 @@ class _TableFile:
         self.headless = any(looks_like_number(name) for name in self._table.names)
 
     def found(self, quantity: str, pattern: re.Pattern[str]) -> list[_Column]:
-        """Return the columns of a quantity in order, or the one that the caller names."""
+        """Return the columns of a quantity in order, or only the column that the caller names for the quantity."""
         named = self._by_caller(quantity)
         return [named] if named else [one for one, words in self._columns() if pattern.match(_last(words))]
 
@@ -439,7 +440,7 @@ class _TableFile:
         return [*dates[:1], clock] if re.fullmatch(form, self._first(clock).strip()) else [clock]
 
     def counted(self, count: int) -> Array:
-        """Return the times, s, of rows at the rate that the caller states."""
+        """Return the times, s, of `count` rows at the rate that the caller states."""
         text = next(value for key, value in self._said.items() if key.startswith("rate"))
         try:
             rate = float(text)
@@ -467,7 +468,11 @@ class _TableFile:
         return cells if self._kept is None else [one.filter(self._kept) for one in cells]
 
     def is_cut(self, column: _Column) -> bool:
-        """Return whether the last line of a text lacks its end: no line end, and a shorter cell than all first rows."""
+        """
+        Return whether the last line of a text file is cut off.
+
+        The line is cut off if it has no line end, and its cell in the column is shorter than those in the first rows.
+        """
         if self._whole or self._las or self._json or self._kept is not None:
             return False
         with self.path.open("rb") as file:
@@ -481,7 +486,7 @@ class _TableFile:
         return len(cells[column.number].strip(' "')) < min(usual, default=0)
 
     def _all_cells(self, wanted: Sequence[_Column]) -> list[Any]:
-        """Return the cells of columns as `cells`, but of all rows, even if a tag is selected."""
+        """Return the cells of columns, as `cells`, in all rows, even if only the rows of one tag are selected."""
         import pyarrow as pa
 
         numbers = [one.number for one in wanted]
@@ -629,7 +634,7 @@ class _TableFile:
                 text = pc.binary_join_element_wise(date, text, " ")
         elif ":" not in self._first(column):
             numbers, notes = self.numbers(text, column)
-            # A word here and there is a missing sample.
+            # If most cells are numbers, a cell with a word is a missing sample.
             if np.isfinite(numbers).sum() * 2 > len(numbers):
                 return self._of_numbers(numbers, column), f"{column.name} of the file", notes
         if text is None:
@@ -688,7 +693,7 @@ def mark_of(cells: Iterable[str], others: Iterable[Cell], unit: str, said: str) 
     seen = [decimal_mark(one[0]) for cell in others if (one := split(cell)) is not None]
     if any(seen):
         return max(",.", key=seen.count)
-    # Largest pressure if the mark separates thousands: a thousand times that with a decimal mark.
+    # Largest pressure if the mark separates thousands.
     size = max(float(re.sub(r"\D", "", number) or 0.0) for number in own) * PRESSURES.get(unit, 1.0)
     if size > _HIGHEST:
         return "," if "," in grouped else "."
@@ -772,7 +777,7 @@ def _last(words: str) -> str:
 
 
 def _nearest(column: _Column, others: Sequence[_Column]) -> list[_Column]:
-    """Return the other columns, first those of the same object as `column`, which probably belong to it."""
+    """Return the other columns, sorted so that columns of the same object as `column` come first."""
     above = column.name.rpartition(".")[0]
     return sorted(others, key=lambda one: one.name.rpartition(".")[0] != above)
 

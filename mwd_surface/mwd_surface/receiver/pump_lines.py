@@ -23,12 +23,13 @@ from mwd_surface.receiver.whitening import prediction_error_filter
 # handles them better: with pulses of 0.3 s the lines lie within the spectrum of the pulses, and a lower limit lost
 # words with healthy pumps.
 _STANDS_OUT = 200.0
-_MOST_LINES = 16
-# Least power of a line over that of noise in its average; below it, subtraction adds more noise than it removes.
+_MOST_LINES = 16  # largest number of lines
+# Least power of a line relative to the power of the noise in the average of the line. Subtracting a weaker line adds
+# more noise than it removes.
 _COHERENT = 4.0
 # Harmonics of counted strokes: their number, their upper limit as a share of the highest frequency, and the factor of
-# the averaging time relative to uncounted lines. It is longer because the counter follows the rate of the pump; with
-# a factor of 3, a quarter more words with pulses of 0.3 s are lost.
+# the averaging time relative to uncounted lines. The time is longer, because the counter follows the rate of the pump;
+# with a factor of 3, a quarter more words with pulses of 0.3 s are lost.
 _MOST_HARMONICS, _HIGHEST, _STROKES_HOLD = 12, 0.9, 1.5
 # Order and floor of the noise model by which the lines with and without strokes are compared.
 _ORDER, _FLOOR = 24, 1e-6
@@ -47,7 +48,7 @@ def _window(length: int) -> Array:
 
 def line_frequencies(noise: Array) -> Array:
     """
-    Return the frequencies of the lines, strongest first.
+    Return the frequencies of the spectral lines in the noise, strongest first.
 
     noise, shape (n,): pressure without its pulses, Pa. Returns shape (k,), rad per sample.
     """
@@ -87,7 +88,7 @@ def turning(omega: float, cosine: Array, sine: Array) -> None:
 @compiled
 def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory: float, out: Array) -> None:
     """
-    Subtract one line, if it stands out of its surroundings.
+    Subtract one spectral line, if the line is stronger than the noise around it.
 
     Parameters
     ----------

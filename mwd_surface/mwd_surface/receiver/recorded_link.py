@@ -77,7 +77,7 @@ def topics_of(bag: Bag) -> list[str]:
 
 
 def _strokes(bag: Bag, pressure_topic: str, origin: int) -> dict[int, Array]:
-    """Return the strokes that were recorded next to a pressure topic."""
+    """Return the stroke times of each pump, s after `origin`, ns, from the topic next to a pressure topic."""
     name = pressure_topic.rpartition("/")[0] + "/strokes"
     if name not in bag.topics or bag.topics[name].type_name != gauge_burst.STROKES:
         return {}

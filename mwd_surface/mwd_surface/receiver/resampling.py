@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Resampling onto an even grid from samples of any rate, jitter and gaps; the bits do not depend on how samples are cut.
+Resampling onto an even grid from samples of any rate, jitter and gaps; every bit is the same however samples are cut.
 
 Clipped samples are first replaced (`clipping`). A single sample far from its neighbours (an electrical spike) is
-replaced by a value interpolated from them, because the filter would spread it. Each value of the grid is the mean of
-the samples around it, weighted by a low-pass kernel and by the time each sample stands for. Samples much denser than
-the grid are averaged in bins first. The grid starts at the first stamp.
+replaced by a value interpolated from the neighbours, because the filter would spread the spike. Each value of the grid
+is the mean of the samples around it, weighted by a low-pass kernel and by the time that each sample represents. Samples
+much denser than the grid are averaged in bins first. The grid starts at the first stamp.
 """
 
 from __future__ import annotations
@@ -22,10 +22,12 @@ from mwd_surface.receiver.clipping import Declipper
 # of 2 TU has 2 % of its energy above that.
 _HALF_STEPS = 10.0
 _CUT_OFF = 0.2
-# A spike deviates by this many usual deviations, and its neighbours deviate by these shares of it in the opposite
-# direction, because the spike enters their interpolation with two thirds. The neighbours of even a steep pulse deviate
-# to its own side.
+# Least deviation of a spike from the interpolation, in usual deviations; and range of the deviation of its neighbours
+# in the opposite direction, as a share of the spike, which enters their interpolation with a weight of two thirds. The
+# neighbours of a steep pulse deviate in the direction of the pulse.
 _SPIKE, _SPIKE_SHARES = 8.0, (0.4, 0.9)
+# Number of samples over which the usual deviation is averaged, and largest deviation that enters the average, in usual
+# deviations.
 _SCALE_SAMPLES, _MOST_GROWTH = 64.0, 8.0
 _AROUND = 3  # samples on either side that are examined
 LARGEST = 1e9  # largest valid value: Pa, or V for an antenna
@@ -147,7 +149,7 @@ class Resampler:
         return out, known
 
     def _resample(self, time: Array, value: Array) -> None:
-        # Drop values beyond any gauge: their squares would cost the neighbours' digits.
+        # Drop values that no gauge can measure: their squares would reduce the precision of the values around them.
         good = (np.abs(value) < LARGEST) & np.isfinite(time)
         highest = np.maximum.accumulate(np.append(self._last, np.where(good, time, -math.inf)))
         good &= time > highest[:-1]

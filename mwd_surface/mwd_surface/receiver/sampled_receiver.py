@@ -28,7 +28,7 @@ class SampledReceiver(abc.ABC):
 
     def push(self, time_s: Array, value: Array) -> Reception:
         """
-        Add samples and return what they complete.
+        Add samples; return the words and frames that they complete.
 
         Parameters
         ----------
@@ -78,4 +78,4 @@ class SampledReceiver(abc.ABC):
 
     @abc.abstractmethod
     def _advance(self, done: Reception) -> None:
-        """Run all steps for which the samples are there."""
+        """Run all steps for which the samples have arrived, and add their words and frames to `done`."""

@@ -25,10 +25,10 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Judged
 from mwd_surface.receiver.words import FrameReport, Reception, WordPlace, received
 
-_LONGEST = 600  # longest frame; more bytes without an end are noise or another baud rate
+_LONGEST = 600  # longest frame, bytes; more bytes without an end are noise or another baud rate
 _FOLLOWS = 16  # largest step of the counter between two frames, if frames are lost
-_REMEMBERED = 200
-_CRC_BY_CHANCE = 2.0**-16
+_REMEMBERED = 200  # number of the last frames or lines whose checks give the confidence
+_CRC_BY_CHANCE = 2.0**-16  # probability that the CRC of a damaged frame holds
 # Probability that a damaged line without check still holds valid values, for a few wrong digits.
 _VALUE_BY_CHANCE = 0.1
 
@@ -97,7 +97,7 @@ class SerialReceiver:
         return done
 
     def finish(self) -> Reception:
-        """Return the words of a frame that still waits for confirmation by the next one."""
+        """Return the words of a frame that still waits for confirmation by the next frame."""
         done = Reception()
         if self._held is not None:
             self._emit(self._held, done)

@@ -25,7 +25,7 @@ from mwd_sensors.core.frames import wrap_pi
 _UNKNOWNS = 6  # north, east, down, azimuth, pitch, logarithm of the moment
 # Starts of the fit: depths as shares of the extent of the readings, and directions around the compass.
 _DEPTHS, _DIRECTIONS = (0.3, 1.0, 3.0), 8
-# Two solutions are the same if they differ by less than these, m and rad.
+# Largest difference between two solutions that count as the same, m and rad.
 _SAME_M, _SAME_RAD = 0.05, 0.02
 # Another solution is named if chi-square does not exclude it with a probability of 99 % (one degree of freedom).
 _OTHER_CHI2 = float(scipy.stats.chi2.ppf(0.99, 1))
@@ -65,7 +65,7 @@ class SondeFacts(NamedTuple):
     Attributes
     ----------
     moment, moment_share : float
-        Moment of the coil, A m^2, and its sigma as a share of it.
+        Moment of the coil, A m^2, and 1 sigma as a share of the moment.
     pitch, pitch_sigma : float
         Angle of the tool axis above the horizontal, rad, as the sonde sends it; NaN if unknown.
     azimuth, azimuth_sigma : float
@@ -152,7 +152,7 @@ def locate(readings: SurfaceReadings, known: SondeFacts, errors: ReadingErrors =
     ----------
     readings : SurfaceReadings
         Points of the receiver and the field there.
-    known : Known
+    known : SondeFacts
         Facts about the sonde, each with 1 sigma.
     errors : ReadingErrors
         1 sigma of the errors of a reading.
@@ -190,13 +190,13 @@ def locate_points(depth_m: float, pitch: float) -> tuple[float, float]:
 
 
 def depth_overhead(strength: float, moment: float, pitch: float) -> float:
-    """Return the depth of a sonde, m, from the strength of its field directly above it, T, and its pitch, rad."""
+    """Return the depth of a sonde, m, from the field strength directly above, T, its moment, A m^2, and pitch, rad."""
     unit = float(np.linalg.norm(dipole_field((0.0, 0.0, 1.0), (math.cos(pitch), 0.0, math.sin(pitch))).real))
     return float((moment * unit / strength) ** (1.0 / 3.0))
 
 
 def moment_of(strength: float, distance_m: float) -> float:
-    """Return the moment of a coil, A m^2, from the strength beside it, T: at its level, across its axis."""
+    """Return the moment of a coil, A m^2, from the field strength, T, at a distance, m, perpendicular to its axis."""
     unit = float(np.linalg.norm(dipole_field((0.0, distance_m, 0.0), (1.0, 0.0, 0.0)).real))
     return strength / unit
 
@@ -226,7 +226,7 @@ class _Model:
         """Return first guesses of the unknowns, shape (6,) each: below the strongest points, in all directions."""
         weight = self._size / self._size.sum()
         centre = weight @ self._point[:, :2]
-        # The strength is never more than that on the axis nor less than that beside it.
+        # At a given distance the strength is largest on the axis and smallest beside the coil; use the mean of both.
         usual = (1.5 * 1e-7 * self._known.moment / self._size.max()) ** (1.0 / 3.0)
         azimuths = math.tau * np.arange(_DIRECTIONS) / _DIRECTIONS
         if math.isfinite(self._known.azimuth):
@@ -240,17 +240,17 @@ class _Model:
         ]
 
     def fit(self, start: Array) -> SondeFix:
-        """Return the solution that a start leads to."""
+        """Return the least-squares solution from a first guess of the unknowns, shape (6,)."""
         low = np.array([-np.inf, -np.inf, self._point[:, 2].max() + 0.01, -np.inf, -np.inf, -np.inf])
         scale = np.array([1.0, 1.0, 1.0, 0.3, 0.3, 0.1])
         found = scipy.optimize.least_squares(
             self.residuals, np.maximum(start, low + 0.01), bounds=(low, np.inf), x_scale=scale, max_nfev=200
         )
-        # A direction that no reading determines keeps a huge sigma; a pseudo-inverse would give it none.
+        # A combination of unknowns that no reading determines gets a very large sigma; a pseudo-inverse would give 0.
         _, weight, directions = np.linalg.svd(found.jac * scale, full_matrices=False)
         spread = scale[:, None] * directions.T / np.maximum(weight, _LEAST_WEIGHT * weight.max())
         x = found.x
-        # A tool axis beyond the vertical is the opposite azimuth.
+        # A tool axis tilted past the vertical points to the opposite azimuth.
         axis = _axis(x)
         return SondeFix(
             position=x[:3],
@@ -263,7 +263,7 @@ class _Model:
         )
 
     def residuals(self, x: Array) -> Array:
-        """Return errors over their sigmas, shape (m,)."""
+        """Return the errors of readings and prior knowledge over their sigmas, shape (m,), for unknowns x."""
         field = dipole_field(self._point - x[:3], math.exp(x[5]) * _axis(x)).real
         vectors = field[self._vector]
         sign = np.where(np.sum(vectors * self._field, axis=1) < 0.0, -1.0, 1.0)

@@ -26,8 +26,8 @@ from mwd_sensors.core.settings import setting
 _EMPTY = np.zeros(0)
 # NAMUR NE 43: a current outside this range signals a failed gauge.
 _FAILED_MA = (3.6, 21.0)
-_RETRY_S = 2.0
-WAV_FULL_SCALE_PA = 1.0e7
+_RETRY_S = 2.0  # time between two attempts to connect, s
+WAV_FULL_SCALE_PA = 1.0e7  # pressure of a WAV sample at full scale, Pa
 
 
 class SampleSource(Protocol):
@@ -148,7 +148,7 @@ class ModbusGauge:
         try:
             answer: Any = self._client.read_input_registers(settings.register, count=1, device_id=settings.unit)
         except (ModbusException, OSError, IndexError, ValueError, struct.error) as error:
-            # pymodbus raises the last three for a malformed answer.
+            # pymodbus raises IndexError, ValueError or struct.error for a malformed answer.
             self._client.close()
             self.failure = f"{where}: {error}"
             return
@@ -174,7 +174,7 @@ class _Form(NamedTuple):
     floats: bool
 
 
-_WAV_FLOAT = 3
+_WAV_FLOAT = 3  # format code of floats in a WAV header; 1 is PCM
 # Limits in bytes: data read per call, and length of the header before the samples.
 _MOST_AT_ONCE, _MOST_HEADER = 1 << 20, 1 << 20
 _WAV_BITS = {1: (8, 16, 24, 32), _WAV_FLOAT: (32, 64)}
@@ -240,7 +240,11 @@ class WavStream:
         self.ended = True
 
     def _header(self) -> _Form | None:
-        """Parse the header (a stream's sizes are not true); None until the samples begin, ValueError if unreadable."""
+        """
+        Parse the header; return None until the samples begin, and raise ValueError if the header cannot be read.
+
+        The size of the samples in the header is not used: when a stream begins, its length is not known.
+        """
         if len(self._open) < 12:
             return None
         if self._open[:4] != b"RIFF" or self._open[8:12] != b"WAVE":

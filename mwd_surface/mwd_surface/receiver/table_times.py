@@ -39,9 +39,10 @@ UNITS = {
     "days": 86_400.0,
 }
 _DAY_S = 86_400.0
-# Numbers of the years 2001 to 2100 by their size: Unix ns, 100 ns (Windows, .NET), Unix us, ms and s.
+# Units of times since an epoch: least number, and unit, s. For the years 2001 to 2100 the size of the numbers
+# distinguishes Unix ns, 100 ns (Windows, .NET), Unix us, ms and s.
 _EPOCHS = ((9e17, 1e-9), (1e17, 1e-7), (1e14, 1e-6), (1e11, 1e-3), (1e8, 1.0))
-# Days since 1900 (spreadsheets) or since year 0: large numbers with steps of less than 9 s.
+# Numbers above `_SERIAL` with steps below `_SERIAL_STEP` (9 s) are days since 1900 (spreadsheets) or since year 0.
 _SERIAL, _SERIAL_STEP = 2e4, 1e-4
 _SLOWEST_CLOCK_S = 10.0  # steps of a clock written as digits; slower rows show no pulses
 _RECENT = 20  # number of times among which the end of a minute is searched
@@ -70,7 +71,7 @@ _MONTHS = {
 
 
 class UnknownUnitError(ValueError):
-    """Times without a unit whose steps may be seconds or milliseconds."""
+    """Raised for times without a unit whose steps may be seconds or milliseconds."""
 
 
 def of_numbers(numbers: Array, unit: str) -> Array:
@@ -215,7 +216,8 @@ def _moments(text: Any) -> tuple[Array, list[Array]]:
         _days(*(part(name) for name in ("cy", "cm", "cd"))),
         _days(part("ny"), month("nm"), part("nd")),
         _days(part("uy"), month("um"), part("ud")),
-        # Any order of day, month and year with valid dates; of several, `_order` takes the one with the shortest file.
+        # Other orders of day, month and year. If several give valid dates, `_order` chooses the one in which the file
+        # spans the shortest time.
         _days(third, then, first),
         _days(third, first, then),
         _days(np.where(third < 100.0, first, math.nan), then, third),

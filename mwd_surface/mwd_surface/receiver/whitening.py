@@ -18,11 +18,12 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
 _LOCAL = 12  # samples on either side over which the noise power is averaged
-_ROUNDS = 3
-# Variances of the disturbance states: each 8 times the one before, up to the variance of starting pumps.
+_ROUNDS = 3  # number of iterations over noise model and weights
+# Number of disturbance states, largest variance, and square root of the ratio of neighbouring variances. Each variance
+# is 8 times the one before, up to the variance of starting pumps.
 _STATES, _LARGEST, _SQRT_8 = 6, 8.0**5, math.sqrt(8.0)
-# Transition rates per sample: a disturbance begins every five minutes with pulses of 0.5 s. In whitened pressure it
-# lasts as long as its flanks, a second or less.
+# Probability that a disturbance begins at a sample, one every five minutes with pulses of 0.5 s; and mean length of a
+# disturbance, samples. In whitened pressure a disturbance lasts as long as its flanks, a second or less.
 _BEGINS, _LASTS = 1.0 / 5000.0, 8.0
 
 
@@ -54,8 +55,8 @@ def prediction_error_filter(
     kept : float
         Share of the previous sample that is subtracted. Below 1 the noise must have zero mean.
     unsure : ndarray, shape (order + 2,), optional
-        Autocorrelation, Pa^2 summed over the samples, of the error of the pulses that were subtracted; it belongs to
-        the expected noise.
+        Autocorrelation, Pa^2 summed over the samples, of the error of the pulses that were subtracted; it is added to
+        the autocorrelation of the noise.
 
     Returns
     -------
@@ -162,7 +163,7 @@ def precision(noise: Array, known: Array) -> Array:
 
 
 def _sizes(noise: Array, known: Array) -> tuple[Array, float]:
-    """Return the mean square around each sample, and the median of these."""
+    """Return the mean square of the noise around each sample, and the median of the mean squares."""
     local = np.convolve(noise**2, np.ones(2 * _LOCAL + 1) / (2 * _LOCAL + 1), mode="same")
     usual = float(np.median(local[known > 0.0])) if np.any(known > 0.0) else 0.0
     return local, max(usual, 1e-6 * float(local.mean()), 1e-12)
@@ -170,7 +171,7 @@ def _sizes(noise: Array, known: Array) -> tuple[Array, float]:
 
 @compiled
 def _mean_precision(square: Array, known: Array, out: Array) -> None:
-    """Fill out with the mean of 1 / variance by a forward-backward pass; square: relative to steady noise."""
+    """Fill `out` with the mean of 1 / variance by a forward-backward pass; square: squared noise over steady noise."""
     n = len(square)
     likelihood, chance = np.ones((n, _STATES)), np.empty((n, _STATES))
     begun, ended, other = _BEGINS / (_STATES - 1), 0.5 / _LASTS, 0.5 / _LASTS / (_STATES - 1)

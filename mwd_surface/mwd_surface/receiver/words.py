@@ -131,7 +131,7 @@ class Reception:
     provisional: list[ReceivedWord] = dataclasses.field(default_factory=list)
 
     def add(self, more: Reception) -> None:
-        """Append what another block completed."""
+        """Append the words and frames of a later block."""
         self.words += more.words
         self.frames += more.frames
         self.provisional += more.provisional

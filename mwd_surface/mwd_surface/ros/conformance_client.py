@@ -24,7 +24,7 @@ _SEEN_S = 1.0  # longest wait for the state to show a set-point, s; usually a te
 
 class RosConformance:
     """
-    Control authority on a ROS graph as the interface under test, and the person at the rig.
+    Interface under test: the control authority on a ROS graph, with the decisions of the person at the rig.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class RosConformance:
             return
 
     def answer(self, asked: Any) -> Any:
-        """Wait for the answer of a service and return it."""
+        """Return the answer of a service after waiting for it; raise ValueError without an answer in time."""
         end = time.monotonic() + _ANSWER_S
         while not asked.done():
             if time.monotonic() > end:
@@ -81,12 +81,12 @@ class RosConformance:
         return asked.result()
 
     def peer(self, number: int) -> RosPeer:
-        """Return the client with a number."""
+        """Return a client (controller) by its number."""
         return self._peers[number]
 
     @property
     def state(self) -> Any:
-        """Newest state of control."""
+        """Newest received state of control."""
         del self._states[:-1]
         return self._states[-1][1]
 
@@ -110,7 +110,7 @@ class RosConformance:
         return bool(self.answer(self._judge.call_async(srv.JudgeControl.Request(**fields))).success)
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return the additional cases of this interface."""
+        """Return the cases that only this interface has: title, expected result, and function that runs the case."""
         return [
             ("a set-point that is not signed", "refused", self._unsigned),
             ("a set-point that was changed after it was signed", "refused", self._changed),
@@ -194,7 +194,7 @@ class RosConformance:
 
 
 class RosPeer:
-    """Controller with a key of its own."""
+    """Controller that signs its messages with its own key."""
 
     def __init__(self, interface: RosConformance, name: str) -> None:
         self._interface = interface
@@ -210,7 +210,7 @@ class RosPeer:
         return self._controller.sealed(command)
 
     def publish(self, sealed: Any) -> None:
-        """Send a message unchanged."""
+        """Send a sealed command unchanged."""
         self._controller.publish(copy.deepcopy(sealed))
 
     def ask(self, wish: Wish) -> ControlAnswer:

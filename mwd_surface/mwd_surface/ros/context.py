@@ -30,11 +30,11 @@ class SteadyTime:
         return time.monotonic_ns() + self._ahead_ns
 
     def of(self, wall_ns: int) -> int:
-        """Return the time of a recent reading of the wall clock, ns."""
+        """Convert a recent reading of the wall clock, ns, to this time."""
         return wall_ns + self._shift_ns()
 
     def wall_of(self, steady_ns: int) -> int:
-        """Return the reading of the wall clock at a recent time of this clock, ns."""
+        """Convert a recent value of this time, ns, to the reading of the wall clock."""
         return steady_ns - self._shift_ns()
 
     def _shift_ns(self) -> int:

@@ -13,7 +13,7 @@ from mwd_surface.ros.seal import Sealer
 
 class Controller:
     """
-    ROS entities of one controller on a node.
+    Publisher and service clients of one controller of the rig.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Controller:
         self.send(command)
 
     def heartbeat(self) -> None:
-        """Send a heartbeat, which restarts the validity of the set-points."""
+        """Send a heartbeat, so that the present set-point holds for another `valid_for`."""
         self.send(msg.RigCommand(lease=self.lease))
 
     def send(self, command: Any) -> None:

@@ -2,7 +2,7 @@
 """
 Client of a running ROS graph: calls services, reads and sets parameters, listens to topics, like `ros2`.
 
-A message is a dict here: from the name of a field to a number, text, list or dict.
+A message is represented by a dict that has, for the name of each field, a number, text, list or dict.
 """
 
 from __future__ import annotations
@@ -199,7 +199,11 @@ class GraphClient:
 
 
 def _settled(there: Callable[[], dict[str, str]]) -> dict[str, str]:
-    """Return the items of a list as soon as it has some and none was added for 1.5 s, or after the longest wait."""
+    """
+    Return the items that `there` returns, when their number has not changed for `_QUIET_S`.
+
+    If there is no item, or the number continues to change, wait no longer than `DISCOVERY_S`.
+    """
     end, changed_at, found = time.monotonic() + DISCOVERY_S, time.monotonic(), there()
     while time.monotonic() < end and (not found or time.monotonic() - changed_at < _QUIET_S):
         time.sleep(0.1)

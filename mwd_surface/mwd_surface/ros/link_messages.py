@@ -50,7 +50,7 @@ def word_message(word: ReceivedWord, tool: ToolConfiguration, link: str, stamp_o
 
 
 def frame_message(frame: FrameReport, words: list[ReceivedWord], link: str, stamp_of: StampOf) -> msg.LinkFrame:
-    """Return a received pass of a sequence as mwd_msgs/LinkFrame; words: final words of this pass."""
+    """Return a received frame (one pass of a sequence of words) as mwd_msgs/LinkFrame; words: words of the frame."""
     message = msg.LinkFrame(
         link=link,
         kind=_KINDS[frame.kind],

@@ -14,7 +14,7 @@ from pathlib import Path
 import yaml
 
 Table = dict[str, dict[str, list[str]]]
-"""Names of topics, services and actions by node and kind of `KINDS`; relative to the well, or absolute outside it."""
+"""Names of topics, services and actions by node and key of `KINDS`; a relative name is in the namespace of the well."""
 
 # Element, attribute and inner element of the policy file for each kind of access.
 KINDS = {
@@ -33,13 +33,13 @@ _FILE = Path(__file__).with_name("security_policy.yaml")
 
 
 def shipped() -> Table:
-    """Return the table shipped with the package."""
+    """Return the table of rights that is shipped with the package."""
     table: Table = yaml.safe_load(_FILE.read_text(encoding="utf-8"))
     return table
 
 
 def merged(first: Mapping[str, Mapping[str, list[str]]], second: Mapping[str, Mapping[str, list[str]]]) -> Table:
-    """Return the union of two tables."""
+    """Return the union of two tables of rights."""
     nodes = sorted({*first, *second})
     return {
         node: {

@@ -26,16 +26,18 @@ from mwd_surface.runs.doctor import examine
 
 # Number of bytes kept from the end of a log.
 _LOG_BYTES = 2_000_000
+# Words that mark a variable, a parameter or a line of text as secret.
 _SECRET = re.compile(r"(?i)(token|password|passphrase|secret)")
 # Files of a run that are copied; other files are only listed.
 _TEXTS = ("*.log", "*.yaml", "surveys*.json", "surveys*.csv", "faults.csv", "rig_status.json")
+# Prefixes of the environment variables that are copied.
 _VARIABLES = ("ROS_", "RMW_", "FASTRTPS_", "AMENT_", "MWD_", "NUMBA_", "PYTHON")
 _MOST_BYTES = 20_000_000  # largest size of one text file other than a log
 
 
 @dataclasses.dataclass(frozen=True)
 class Bundle:
-    """Result: names in the zip, the recording whose end was copied (or None), and remarks on missing files."""
+    """Result of `write`: names in the zip, the recording whose end was copied (or None), and remarks on files."""
 
     names: list[str]
     recording: Path | None

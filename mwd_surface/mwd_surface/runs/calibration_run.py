@@ -40,7 +40,7 @@ UNITS = {"ahrs": "imu/data_raw", "precision": "gyro/data_raw"}
 _MAG, _TEMPERATURE = "imu/mag", "imu/temperature"
 # Largest number of samples of a calibration run: a day at 100 Hz. A run takes minutes.
 _MOST_SAMPLES = 8_640_000
-# The temperature slopes are valid up to this far outside the temperature range of the calibration run, degC.
+# Distance from the temperature range of the calibration run up to which the temperature slopes are valid, degC.
 _MARGIN = 10.0
 
 
@@ -256,7 +256,11 @@ def _interpolated(stamps: NDArray[np.int64], at: NDArray[np.int64], values: Arra
 
 
 def residuals(found: Calibration) -> list[tuple[str, int, float, float, str]]:
-    """Return rows to print: triad, number of rests or turns, residual before and after calibration, unit."""
+    """
+    Return rows to print: triad, number of positions or turns, residual before and after calibration, unit.
+
+    Accelerometers and magnetometers are calibrated from positions at rest, gyros from the turns between them.
+    """
     ug, nt, mrad = 1e6 / STANDARD_GRAVITY, 1e9, 1e3
     rows = [
         ("accelerometers", found.accelerometer, ug, "µg of gravity's strength"),
@@ -268,7 +272,7 @@ def residuals(found: Calibration) -> list[tuple[str, int, float, float, str]]:
 
 
 def errors(found: Calibration) -> list[tuple[str, str, list[str]]]:
-    """Return rows to print: triad, quantity with its unit, and value and 1 sigma of the three axes."""
+    """Return rows to print: triad, quantity with its unit, and value with 1 sigma for each of the three axes."""
     rows: list[tuple[str, str, list[str]]] = []
     dph, ug = math.degrees(1.0) * 3600.0, 1e6 / STANDARD_GRAVITY
     for name, triad, scale, unit in (

@@ -45,7 +45,7 @@ _BASE_PORT, _PER_DOMAIN = 7400, 250  # first port, and number of ports per domai
 
 
 def node_words(name: str, namespace: str, parameters: Mapping[str, Any], before: Sequence[str] = ()) -> list[str]:
-    """Return the command line that runs a node with this Python; before: ROS arguments ahead of its parameters."""
+    """Return the command line that runs a node with this Python; before: ROS arguments that precede the parameters."""
     words = [sys.executable, "-P", "-m", "mwd_surface", "node", name, "--ros-args", "-r", f"__ns:=/{namespace}"]
     # The enclave of SROS2 names the node's keys and permissions; ROS ignores it if security is off.
     words += ["--enclave", f"/{namespace}/{name}"]
@@ -96,8 +96,9 @@ def estimator_parameters(scenario: Scenario) -> dict[str, Any]:
     """
     Return the parameters of the estimator that follow from a scenario: place, day or field, the string, the gyros.
 
-    Of the precision unit only the g-sensitivity is stated: the stations of a run show the unit's bias and noise, but
-    one station does not show its g-sensitivity, so that sigma contains all that is stated.
+    The only parameter of the precision unit is its g-sensitivity. The estimator finds the bias and the noise of the
+    unit from the stations of a run. One station does not show the g-sensitivity, so the sigma of the gyro azimuth
+    contains the full stated value.
     """
     from mwd_sensors.simulator.instrument_grade import grade
 
@@ -135,7 +136,7 @@ def tie_on_parameters(scenario: Scenario) -> dict[str, Any]:
 
     md, inclination, azimuth = scenario.well.hole
     depth = max(0.0, scenario.well.bit_m - scenario.well.sensor_to_bit_m - scenario.rig.stand_m)
-    # Above its first and below its last station the hole is straight; the first station is straight below the wellhead.
+    # The hole is straight above the first and below the last station; the wellhead is vertically above the first one.
     ends = np.array([min(md[0], depth) - 1.0, max(md[-1], depth) + 1.0])
     stations = (
         np.concatenate([ends[:1], md, ends[1:]]),
@@ -280,7 +281,7 @@ def visited_domain(environment: Mapping[str, str], wanted: int | None) -> int:
     """
     Return the domain of the graph to connect to.
 
-    It is the requested domain, else ROS_DOMAIN_ID, else the domain of the only run on this machine.
+    It is the requested domain, else ROS_DOMAIN_ID, else the domain of the only run on this machine, or 0 without a run.
 
     Raises
     ------

@@ -52,7 +52,7 @@ _STEP_S = 5.0  # length of the recording that is read at a time, s
 
 @dataclasses.dataclass(frozen=True)
 class RecordedWell:
-    """Those sections of the surface's settings in a recording that the state of a well needs."""
+    """Settings of the surface in a recording: the sections from which the state of a well is computed."""
 
     live: LiveSettings = dataclasses.field(default_factory=LiveSettings)
     link: LinkSettings = dataclasses.field(default_factory=LinkSettings)
@@ -91,10 +91,10 @@ def recorded_source(bag: Bag) -> str:
 
 
 class _Simulated(WellOutlet):
-    """Outlet of a well whose recorded data were made by a simulator."""
+    """Receiver of the results of a well whose recorded data were made by a simulator."""
 
     def is_simulated(self) -> bool:
-        """Return True."""
+        """Return True, because a simulator made the data."""
         return True
 
 
@@ -252,7 +252,7 @@ def recorded_book(bag: Bag, well: str = "", step_m: float = STEP_M) -> SurveyBoo
     settings = dataclasses.replace(settings, depth=dataclasses.replace(settings.depth, history=_ALL_DEPTHS))
     player = Player(bag, namespace, settings, only=frozenset(OF_DEPTH), log_step=step_m)
     player.seek(player.length_s)
-    # Advance by one more second to finish the last one, which is shorter.
+    # Advance by one more second: the last second of the recording, which may be incomplete, is processed only then.
     player.well.advance(bag.start_ns + round(bag.duration_s * 1e9) + wire.NANOSECONDS)
     if namespace + RIG not in bag.topics and player.well.book.depth.latest is None:
         raise missing
@@ -261,7 +261,7 @@ def recorded_book(bag: Bag, well: str = "", step_m: float = STEP_M) -> SurveyBoo
 
 @dataclasses.dataclass
 class Playing:
-    """Requests of a viewer: whether to play, at which rate, and the time to go to (None: continue)."""
+    """Requests of a viewer: whether to play, at which rate, and the time to go to, s (None: continue)."""
 
     playing: bool = True
     rate: float = 1.0
@@ -296,6 +296,6 @@ def named_plan(bag: Bag) -> PlanSettings:
 
 
 def usual_dip(bag: Bag) -> str:
-    """Return the direction of positive dips of the well in a recording: up, down; empty if it uses inclination."""
+    """Return the direction of positive dips in a recorded well, "up" or "down"; empty if the well uses inclination."""
     settings = recorded_sections(bag, RecordedWell())
     return "" if settings is None else settings.well.angles.points

@@ -16,7 +16,8 @@ from mwd_surface.runs.doctor import CheckLevel, CheckResult
 
 # Lowest standpipe pressure while drilling, Pa. Values in bar or psi that are read as Pa are far below this limit.
 _LEAST_PA = 3.0e5
-# Rounding impairs the signal if its power is more than this share of the power of the fastest noise.
+# Largest power of the rounding errors relative to the power of the noise from sample to sample. A gauge with larger
+# rounding errors hides weak pulses.
 _ROUNDING = 0.1
 _BAR = 1.0e5
 

@@ -147,7 +147,8 @@ def _topics(sonde: Sonde) -> list[tuple[str, tuple[str, str]]]:
 # Tool of a simulated run and its telemetry link, without middleware: samples go to the estimator, words to the channel.
 
 
-# Delay of the channel after the samples, s; it is longer than the time after which the start of a word is known.
+# Time by which the simulation of the channel lags behind the samples, s. A transmitter reports a word sooner than this
+# after the start of the word.
 _LAG_S = 2.0
 
 

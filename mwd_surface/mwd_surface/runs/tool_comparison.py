@@ -29,7 +29,7 @@ from mwd_sensors.simulator.scenario import Scenario
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.runs.launch_plan import estimator_parameters
 
-_SAME = 0.3  # m; surveys closer together than this belong to one station
+_SAME = 0.3  # distance below which two surveys belong to one station, m
 _LAST_S = 12.0  # s before the end of an interval at rest at which a survey is requested
 _ASKED_S = 8.0  # length of a requested survey, s
 _SHORTEST = 20.0  # s; shortest interval at rest in which a survey is requested in addition to the automatic one
@@ -153,5 +153,5 @@ def _azimuth(survey: Survey, method: AzimuthMethod) -> tuple[float, float]:
 
 
 def azimuth_error(reading: ToolDirection, truth: ToolDirection) -> float:
-    """Return measured minus true azimuth, rad, within half a turn."""
+    """Return measured minus true azimuth, rad, from -pi to pi."""
     return float(wrap_pi(reading.azimuth - truth.azimuth))

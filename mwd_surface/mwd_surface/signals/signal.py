@@ -149,7 +149,7 @@ class Signal:
         computed from the whole path.
     listed : Listed, optional
         Column in the tables of surveys; a column with a LAS mnemonic is in every export of the definitive survey.
-    series, attitude : Column, optional
+    series, attitude : FileColumn, optional
         Columns in the rows of a recording, one per second, and in attitude.csv and attitude.parquet.
     """
 

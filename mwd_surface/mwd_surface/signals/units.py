@@ -53,9 +53,9 @@ class UnitConversions:
         For OPC UA: UNECE common code (OPC 10000-8, section 5.6.3), and full name of the unit.
     quantity : str
         Quantity in the DDHub vocabulary.
-    people : Scale
+    people : UnitScale
         Metric unit in files and on paper.
-    modbus, metric, fps : Scale
+    modbus, metric, fps : UnitScale
         Unit of a Modbus register, and of a WITS item in each unit system.
     witsml : str
         WITSML symbol of `people`; empty if the exported WITSML has no element with this unit.
@@ -78,21 +78,21 @@ class UnitConversions:
     field_witsml: str = ""
 
     def shown_in(self, system: str) -> UnitScale:
-        """Return the unit in files and on paper of a well in metric or field units."""
+        """Return the unit of files and printed reports for a well; system: `METRIC` or `FIELD`."""
         return self.fps if system == FIELD and self.endings[1] else self.people
 
     def key_in(self, key: str, system: str) -> str:
-        """Return the name of a column in metric or field units, from its name in metric units."""
+        """Return the name of a column for a system of units; key: name of the column in metric units."""
         metric, field = self.endings
         return key.removesuffix(metric) + field if system == FIELD else key
 
     def witsml_in(self, system: str) -> str:
-        """Return the WITSML symbol of the unit of a well in metric or field units."""
+        """Return the WITSML symbol of the unit of files for a well; system: `METRIC` or `FIELD`."""
         return self.field_witsml or self.witsml if system == FIELD else self.witsml
 
 
 def _same(unece: str, name: str, quantity: str, scale: UnitScale, witsml: str = "") -> UnitConversions:
-    """Return a unit with the same conversion in all protocols except OPC UA."""
+    """Return the conversions of a unit that has the same scale in files, Modbus and WITS; OPC UA sends SI numbers."""
     return UnitConversions(unece, name, quantity, scale, scale, scale, scale, witsml)
 
 

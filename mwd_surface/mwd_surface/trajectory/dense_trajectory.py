@@ -24,7 +24,7 @@ from mwd_surface.trajectory.slide_sheet import SLIDE, DrilledStretch
 from mwd_surface.trajectory.well_path import Definitive
 
 STATION, CONTINUOUS, SLIDES, ARC = "station", "continuous", "slide sheet", "arc"
-# Longest gap in the continuous data of an interval with which the data still describe the interval, m.
+# Longest gap in the continuous data of an interval, m; with a longer gap the data are not used for the interval.
 _LONGEST_GAP = 10.0
 # Continuous data within this distance from a station are used to anchor the trajectory at the station, m.
 _AT_STATION = 3.0
@@ -94,7 +94,7 @@ def dense_trajectory(
     continuous : Continuous, optional
         Continuous measurements, preferred to the slide sheet in an interval that they cover. The azimuth may be from
         any north, and the angles may have an error that is constant from one station to the next.
-    stretches : sequence of Stretch
+    stretches : sequence of DrilledStretch
         Slide sheet: the dogleg of an interval is placed where the string slid. An interval without slides, or with too
         little information, remains an arc.
     step : float
@@ -188,7 +188,7 @@ class _Interval:
         """
         Return inclination and azimuth at the points, rad, with the dogleg where the string slid.
 
-        Return None if the slide sheet does not cover the interval, or if no hole was slid.
+        Return None if the slide sheet covers too little of the interval, or if too little hole was slid.
         """
         overlaps = [
             (max(s.from_depth, self._low), min(s.to_depth, self._high), s.mode)

@@ -137,7 +137,8 @@ def plan_of(
     """
     Build a plan from its stations.
 
-    start, shape (3,): position of the first station, m; by default straight below the wellhead at its measured depth.
+    start, shape (3,): position of the first station, m; by default vertically below the wellhead, with the measured
+    depth of the station as vertical depth.
 
     Raises
     ------
@@ -232,7 +233,7 @@ def offset_of_end(plan: Plan | None, path: Definitive) -> Offset | None:
 
 
 def nearest(plan: Plan, point: ArrayLike) -> float:
-    """Return the measured depth of the point of the plan that is nearest to a position, shape (3,), m; exact."""
+    """Return the measured depth, m, of the point on the plan's arcs that is nearest to a position, shape (3,), m."""
     p = np.asarray(point, dtype=float)
     t_1, t_2 = mc.tangent(plan.inclination[:-1], plan.azimuth[:-1]), mc.tangent(plan.inclination[1:], plan.azimuth[1:])
     length = np.diff(plan.md)
@@ -297,5 +298,5 @@ def _toolface_of(direction_n: Array, inclination: float, azimuth: float) -> floa
 
 
 def azimuth_at(inclination: float, azimuth: float) -> float:
-    """Return the azimuth of the high side, rad; 0 in a vertical hole, so that its toolface is measured from north."""
+    """Return the azimuth of the high side, rad; 0 in a vertical hole, where the toolface is measured from north."""
     return 0.0 if math.sin(inclination) < mc.VERTICAL else azimuth

@@ -141,7 +141,7 @@ class SlideSheet:
 
     Parameters
     ----------
-    earlier : sequence of Stretch
+    earlier : sequence of DrilledStretch
         Stretches drilled before, read from a file.
     """
 

@@ -22,7 +22,7 @@ from mwd_estimation.assembly.assembly import Assembly, Component
 # collars, or with only stabiliser and bit. These are typical values used in the industry, of the same size as published
 # field measurements; they were not checked against the tables of the paper.
 POLES = {"collars": 900e-6, "motor": 1000e-6, "short collars": 300e-6, "bit": 90e-6}
-# A piece shorter than this is assumed to have the pole strength of stabilisers and bits, m.
+# Length of a piece below which its pole strength is assumed to be that of stabilisers and bits, m.
 _SHORT = 3.0
 # Longest non-magnetic collars considered, m.
 _LONGEST = 300.0
@@ -34,7 +34,7 @@ class Steel:
 
     near: float  #: distance from the sensors to the nearer end of the piece, m
     length: float  #: length of the piece, m; infinite for the string above the assembly
-    pole: float  #: strength of its poles, Wb
+    pole: float  #: strength of the magnetic pole at each end of the piece, Wb
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -114,9 +114,9 @@ def azimuth_error(axial: float, inclination: float, azimuth: float, horizontal: 
 
 def largest_interference(limit: float, inclination: float, azimuth: float, horizontal: float) -> float:
     """
-    Return the axial field, T, of which one sign causes an azimuth error equal to a limit, rad.
+    Return the largest axial field, T, whose azimuth error stays within a limit, rad, for both signs of the field.
 
-    Return inf if no axial field exceeds the limit. Other arguments as in `azimuth_error`.
+    Return inf if no axial field causes a larger azimuth error. Other arguments as in `azimuth_error`.
     """
 
     def worst(axial: float) -> float:

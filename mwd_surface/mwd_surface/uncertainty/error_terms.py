@@ -167,7 +167,7 @@ def error_terms(
     ----------
     stations : tuple of ndarray, shape (n,) each
         Measured depth, m, inclination and azimuth from true north, rad.
-    tools : sequence of Tool or None, length n
+    tools : sequence of ErrorTool or None, length n
         Tool that measured each station; None for a station that is taken as given (a tie-on).
     reference : ErrorReference
     first_tvd : float
@@ -211,7 +211,11 @@ def angle_covariance(stations: tuple[Array, Array, Array], tool: ErrorTool, refe
 def _of_tool(
     whole: _CourseStations, tool: ErrorTool, own: Mask, reference: ErrorReference, bare: Mask
 ) -> Iterator[ErrorTerm]:
-    """Yield the terms of one tool; own, bare, shape (n,): its stations, and stations without errors of angles."""
+    """
+    Yield the error terms of one tool.
+
+    own, bare : masks, shape (n,), of the stations of the tool, and of the stations without errors of angles.
+    """
     n = whole.md.size
     rows = np.flatnonzero(own)
     low, high = _inclination_limits(tool.code)
@@ -247,7 +251,7 @@ def _vertical_scale(name: str, stations: _CourseStations, tortuosity: float) -> 
     s_inc = np.sin(stations.inclination)
     scale = np.ones(s_inc.size)
     if name.startswith("SAGE"):
-        # Near the vertical only this weight, sin(inclination)**0.25, decreases more slowly than the inclination.
+        # Only this weight, sin(inclination)**0.25, decreases near the vertical more slowly than the inclination itself.
         low = s_inc < math.sin(_NEXT_TO_VERTICAL)
         scale[low] = (np.maximum(s_inc[low], 0.0) / math.sin(_NEXT_TO_VERTICAL)) ** 0.25
         scale[s_inc < mc.VERTICAL] = 0.0

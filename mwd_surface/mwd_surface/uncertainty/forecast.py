@@ -2,11 +2,11 @@
 """
 Forecast of surveys along a plan: their sigmas, the limits of quality control, and the share that will be accepted.
 
-Sigmas are those of the tool code at each attitude. For the single-station correction of axial interference they are
-those of the sibling code with this correction (+AX). The corrected azimuth has no accuracy where the hole is nearly
-horizontal east-west, because the field across the tool then hardly depends on the azimuth. Limits are those of the tool
-code. For the share of accepted surveys, single stations are drawn from the errors of a healthy tool and judged by the
-rules of the estimator.
+Sigmas are those of the tool code at each attitude. The sigmas after the single-station correction of axial interference
+are those of the code with the same field model and with this correction (+AX), here called sibling. The corrected
+azimuth has no accuracy where the hole is nearly horizontal east-west, because the field across the tool then hardly
+depends on the azimuth. Limits are those of the tool code. For the share of accepted surveys, single stations are drawn
+from the errors of a healthy tool and judged by the rules of the estimator.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ _TOOLFACES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
 # The share of accepted stations then has a sigma of 0.09 (as with independent draws) or less. The same draws are used
 # along the whole plan, so that the share changes only with the attitude.
 _LOG2_DRAWS = 5
-# The share is computed at directions at least this angle apart, rad, and interpolated between them.
+# Least angle between the directions of the hole at which the share is computed, rad; between them it is interpolated.
 _APART = math.radians(5.0)
 _VERTICAL = math.radians(1.0)  # inclination below which the azimuth has no sigma, rad
 _STEP = 30.0  # distance between surveys, m
-# A correction that multiplies the azimuth's sigma by more than this is not useful.
+# Largest ratio of the azimuth's sigmas with and without correction for which the correction is useful.
 _MUCH = 1.5
 
 
@@ -59,7 +59,7 @@ class Forecast:
     sigma_inclination, sigma_azimuth : ndarray, shape (n,)
         1 sigma of inclination and azimuth by the tool code, rad; for the azimuth NaN within 1 deg of the vertical.
     sigma_corrected : ndarray, shape (n,)
-        1 sigma of the azimuth after single-station correction, rad; NaN if the code has no sibling with correction.
+        1 sigma of the azimuth after single-station correction, rad; NaN if `corrected_sibling` finds no code.
     limits : ndarray, shape (n, 3)
         Limits on the deviations of total gravity, total field and dip: m/s^2, T, rad; NaN for codes without these
         sensors.
@@ -141,7 +141,7 @@ def correction_map(
 
     points: number of azimuth steps, and number of inclinations. Return true azimuths, shape (m,), inclinations, shape
     (k,), and sigmas, shape (k, m), rad. Other arguments and exceptions are those of `forecast`; also raise ValueError
-    for a code without a sibling with axial correction.
+    if `corrected_sibling` finds no code.
     """
     sibling = corrected_sibling(code)
     if not sibling:
@@ -169,7 +169,7 @@ def corrected_sibling(code: str) -> str:
 
 def error_reference(reference: Reference, latitude: float) -> ErrorReference:
     """
-    Return the local field in the form that the error models need.
+    Convert a reference and a latitude, rad, to the local field and gravity for the error models.
 
     Raise ValueError if the reference has no field.
     """
@@ -190,7 +190,7 @@ def _to_true(north: str, reference: Reference) -> float:
 
 
 def _sigmas(code: str, stations: tuple[Array, Array, Array], field: ErrorReference) -> Array:
-    """Return the sigmas of inclination and azimuth by a code, shape (n, 2), rad."""
+    """Return the sigmas of inclination and azimuth from the error model of a tool code, shape (n, 2), rad."""
     inc = stations[1]
     covariance = angle_covariance(stations, ErrorTool(code), field)
     sigmas = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))

@@ -60,7 +60,7 @@ class StationErrors:
 
     Attributes
     ----------
-    tools : sequence of Tool or None, length n
+    tools : sequence of ErrorTool or None, length n
         Tool that measured each station; None for a station without errors of its own, such as a tie-on.
     sigmas : ndarray, shape (n, 2), optional
         1 sigma of inclination and azimuth of each station, rad, used instead of the angle errors of the tool code. The
@@ -243,7 +243,7 @@ def _own_terms(
     stations: tuple[Array, Array, Array], tools: Sequence[ErrorTool | None], sigmas: Array, bare: Mask
 ) -> list[ErrorTerm]:
     """
-    Return the error terms for the sigmas that stations have themselves, two per run: inclination and azimuth.
+    Return the error terms from the stations' own sigmas, two terms per run: inclination and azimuth.
 
     The position shifts are computed by the balanced tangential method.
     """

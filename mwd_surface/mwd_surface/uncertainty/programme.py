@@ -21,7 +21,7 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.uncertainty.error_terms import ErrorTool, check_tool_code
 from mwd_surface.uncertainty.position_covariance import StationErrors
 
-CODE, STATION = "code", "station"
+CODE, STATION = "code", "station"  # source of the sigmas of the angles: the tool code, or each station itself
 #: Method of a station that was taken while the string turned, and the tool code of such stations of an MWD.
 ROTARY = "rotary"
 ROTARY_CODE = "ISCWSA Rot 6Axis MWD+SRGM"
@@ -102,7 +102,7 @@ class SurveyProgramme:
 
     def errors(self, stations: ProgrammeStations) -> StationErrors:
         """
-        Return the tools of the stations of a well.
+        Return the tools of the stations of a well, their own sigmas where used, and the covariance of the tie-on.
 
         Raises
         ------

@@ -14,7 +14,7 @@ from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 # Two peaks are separate modes if the density between them falls below this share of the lower peak.
 _VALLEY = 0.5
-# A normal density has this probability within this number of sigma.
+# Probability of a normal density within `_SIGMAS` sigmas of its mean.
 _HELD, _SIGMAS = 0.99, 2.576
 # Smallest probability of a mode that is listed as an alternative.
 _LEAST = 0.003

@@ -69,7 +69,7 @@ class CircleEvidence:
 
     @property
     def by_angle(self) -> Array:
-        """Probability of each angle and state of the gyro, shape (n, 3); without a gyro, the state is wrong."""
+        """Probability of each angle and state of the gyro, shape (n, 3); without a gyro, only "wrong" is not zero."""
         return self._probable[1]
 
     @property

@@ -96,7 +96,7 @@ _KEEPS = 0.72
 
 @dataclasses.dataclass(frozen=True)
 class Filters:
-    """The parallel filters."""
+    """Parallel filters of the shared errors, with prior probabilities and variances."""
 
     kinds: tuple[Hypothesis, ...]
     weight: Array  #: shape (k,); prior probability

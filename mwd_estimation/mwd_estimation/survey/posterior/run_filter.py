@@ -39,15 +39,15 @@ _FLOOR = 1e-3
 # A point whose share is smaller than this fraction of the largest share of its filter does not update the states. The
 # same limit applies to a second filter relative to its first filter.
 _LEAST = 1e-4
-# A filter with a smaller probability on a coarse grid is left out of the fine one.
+# Least probability of a filter on the coarse grid with which the filter is evaluated on the fine grid.
 _HOPELESS = 1e-6
-# Probability that a field from outside at one station is also there at the next.
+# Probability that an external field at one station is also present at the next station.
 _GOES_ON = 0.5
 # Weight of the prior of the gyro and of external fields, as a number of stations.
 _BELIEVED = 20.0
 # Log weight of a filter with zero probability.
 _NEVER = math.log(1e-300)
-# A state of the gyro that is more probable than this at a station is counted for later stations.
+# Probability above which a state of the gyro counts as the state at a station. Later stations use these counts.
 _DECIDED = 0.9
 _BIAS = slice(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3)
 _REFERENCE = slice(Shared.TOTAL, Shared.OUTSIDE)
@@ -92,7 +92,7 @@ class Predicted(CircleEvidence):
 
 class RunFilter:
     """
-    Stations of one tool in one assembly.
+    Parallel filters of the errors that the stations of one tool in one assembly share.
 
     Parameters
     ----------

@@ -25,8 +25,8 @@ _CUT_OFF = 3.5
 _HALF = 1.5
 # Smallest ratio of the power of a line to the spectrum around it. No symbol sequence of a block reaches this ratio.
 _STANDS_OUT = 25.0
-_NEIGHBOURHOOD = 32
-_MOST_LINES = 12
+_NEIGHBOURHOOD = 32  # bins of the spectrum around a line whose median is the noise floor
+_MOST_LINES = 12  # largest number of lines
 # The amplitude and phase of a line vary with the pump speed: each line is modelled by four slow cosines over a block.
 WANDER = 4
 
@@ -143,7 +143,11 @@ def lines(value: Array, band: Band) -> Array:
 
 
 def line_columns(found: Array, band: Band, count: int, symbol: float) -> Complex:
-    """Return the lines as `envelope` shows them: `WANDER` columns per line, shape (count, WANDER k)."""
+    """
+    Return the columns of the lines in an envelope, to fit and subtract them; shape (count, WANDER k).
+
+    found, shape (k,): frequencies of the lines, rad per step. count, symbol: as in `envelope`.
+    """
     spacing = symbol / PER_SYMBOL
     n = np.arange(count)
     slow = np.cos(math.pi * (n[:, None] + 0.5) / count * np.arange(WANDER)[None, :])

@@ -30,10 +30,10 @@ from mwd_surface.receiver.whitening import steadiness
 MARGIN = 4  # symbols before and after the block whose response reaches into it
 BEFORE, BEHIND = 1, 4  # length of the response before and after its own symbol, in symbols
 _LAGS = PER_SYMBOL * (BEFORE + BEHIND)
-_TURNS = 4
-_ORDER = 6
+_TURNS = 4  # number of iterations
+_ORDER = 6  # order of the noise model
 _UNCERTAIN = 0.03  # weight, in the estimate of the lines, of samples whose symbols are unknown
-_SCALINGS = 3
+_SCALINGS = 3  # number of iterations of the prior variance of the response
 _KNOWN = 1e-4  # variance of a known symbol
 _LINE = 1e4  # prior variance of a line's amplitude relative to the noise: practically unknown
 
@@ -67,8 +67,8 @@ class BlockDecision:
     taps : ndarray
         Prediction error filter of the noise.
     turned : tuple of ndarray
-        Bits for each phase by which all symbols may be rotated. A rotated code word is a valid code word too, so the
-        code alone cannot tell them apart; the check of the block decides.
+        Bits for each phase by which all symbols may be rotated. A rotated code word is a valid code word, too, so the
+        code alone cannot exclude a rotation; the check of the block decides.
     """
 
     bits: Array
@@ -180,14 +180,14 @@ class BlockDecoder:
         return float(np.angle(late * np.conj(early))) / (0.5 * self._carrier.block_symbols)
 
     def _sent(self, mean: Complex, shape: Complex) -> Complex:
-        """Pass symbols through a response that begins `BEFORE` symbols early; shape (n,)."""
+        """Return the envelope of symbols `mean`, shape (n,); the response begins `BEFORE` symbols before its symbol."""
         impulses = np.zeros(self.rows, dtype=complex)
         impulses[::PER_SYMBOL] = mean
         begin = PER_SYMBOL * BEFORE
         return np.convolve(impulses, shape)[begin : begin + self.rows]
 
     def _trains(self, mean: Complex) -> Complex:
-        """Return the response of all symbols to each component; shape (n, c)."""
+        """Return the envelope of all symbols through each component of the response; shape (n, c)."""
         return np.stack([self._sent(mean, one) for one in _basis()], axis=1)
 
     def _channel(
@@ -224,7 +224,7 @@ class BlockDecoder:
         symbols: tuple[Complex, Array],
         weight: Array,
     ) -> tuple[Complex, Array]:
-        """Return the filter that whitens the residual to unit variance, and the weight of each row."""
+        """Return the filter that whitens the residual to unit variance, and the weight of each envelope value."""
         mean, variance = symbols
         rest = data.envelope - offset - self._sent(mean, response)
         sure = weight * (np.repeat(variance, PER_SYMBOL) < 0.5)
@@ -292,7 +292,7 @@ def _normal_equations(
     symbol: tuple[Complex, int], lines: Complex, rest: Complex, weight: Array, gram: Complex, seen: Complex
 ) -> None:
     """
-    Fill the normal equations of symbols and lines. The design matrix is mostly zeros, so its product is written out.
+    Fill the normal equations of symbols and lines. Only the nonzero elements of the design matrix are multiplied.
 
     Parameters
     ----------

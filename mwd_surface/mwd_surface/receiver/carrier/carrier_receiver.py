@@ -27,17 +27,22 @@ _HOP = 16  # step of the marker search, symbols
 _PAST = 48  # symbols before a step from which its noise is estimated
 _CLOCK = 1.2e-3  # largest relative error of the tool's clock that is searched
 _STEP_RAD = 0.7  # difference of the phase at the end of a block between two clock trials
-_KEPT_BLOCKS = 3
+_KEPT_BLOCKS = 3  # length of the samples that are kept, blocks
 # Least number of samples per period at the upper edge of the carrier's band.
 _LEAST = 2.1
 # Score below which a marker counts as absent at the place where the next block should begin.
 _ABSENT = 3.0
-_MOST_LOST = 2
+_MOST_LOST = 2  # largest number of blocks in a row that fail before tracking is given up
 
 
 @dataclasses.dataclass
 class _Lock:
-    """Block being tracked: start of the next block, steps per symbol, its expected name, noise filter and losses."""
+    """
+    State of the tracking of blocks.
+
+    start, name: start and expected name of the next block; symbol: steps per symbol; taps: noise filter;
+    blocks, lost: number of blocks received, and of blocks lost in a row; good_end: end of the last good block, steps.
+    """
 
     start: float
     symbol: float
@@ -126,7 +131,7 @@ class CarrierReceiver(SampledReceiver):
             )
 
     def _advance(self, done: Reception) -> None:
-        """Search, lock and follow as far as the samples reach."""
+        """Search for markers and decode blocks in the samples that have arrived."""
         while True:
             if self._lock is not None:
                 if self._needs(self._lock.start, self._lock.symbol) > self._grid.end:
@@ -149,7 +154,7 @@ class CarrierReceiver(SampledReceiver):
         return math.ceil(start + (self._carrier.block_symbols + MARGIN) * symbol * 1.01 + self._band.reach) + REACH
 
     def _window(self, begin: float, end: float) -> tuple[Array, Array, int]:
-        """Return the samples with their mean removed, 1 where they are known, and the position of the first."""
+        """Return the samples without their mean, a mask (1 for known samples), and the position of the first sample."""
         first = math.floor(begin - self._band.reach) - 1
         value, known = self._grid.samples(float(first), 1.0, math.ceil(end + self._band.reach) + 1 - first)
         known = known * (np.arange(first, first + len(value)) >= self._grid.first)
@@ -204,7 +209,12 @@ class CarrierReceiver(SampledReceiver):
     def _best(
         self, middle: float, symbols: list[float], taps: Complex | None
     ) -> tuple[BlockDecision, float, tuple[BlockName, bytes] | None, int]:
-        """Try clocks; return the best decision, its steps per symbol, the block if its check holds, and the trials."""
+        """
+        Decode a block with several clocks; symbols: steps per symbol of each clock.
+
+        Return the best decision, its steps per symbol, name and words of the block if its check holds (else None), and
+        the number of trials.
+        """
         half = self._carrier.half + 0.5 * MARKER_SYMBOLS
         best = symbols[0]
         if len(symbols) > 1:
@@ -275,7 +285,7 @@ class CarrierReceiver(SampledReceiver):
         self._advance_lock(lock, span, good=True)
 
     def _missed(self, done: Reception, lock: _Lock, decision: BlockDecision) -> None:
-        """Report the words of a block whose check fails as erased, with the probabilities that the code gives them."""
+        """Report the words of a block whose check fails as erased, with the probabilities from the decoder."""
         span = self._span(lock)
         done.frames += self._next_pass(lock.name, span[0], decision.ebn0_db)
         if self._pass is not None:
@@ -383,12 +393,14 @@ def marker_score(envelope: Complex, known: Array, lines: Complex) -> Array:
 # Words of a carrier block and their confidence.
 
 
-# Odds that a block is present where one should follow the last.
+# Odds that a block is present at the place where the next block is expected after the last one.
 ODDS_EXPECTED = 10.0
-_PASSES_BY_CHANCE = 2.0**-16
+_PASSES_BY_CHANCE = 2.0**-16  # probability that the check of a wrong block holds
 _BLOCKS_PER_SYMBOL = 1e-3  # prior of a block at a symbol: one block in about 500 symbols, with flow half the time
-_HEADER_BITS = 8
-_ALTERNATIVES = 3
+_HEADER_BITS = 8  # bits of a block before its first word
+_ALTERNATIVES = 3  # number of alternatives of an erased word
+# Largest probability that all bits are right with which a failed check is not surprising, and factor by which the log
+# ratios of the bits are divided until the probability is that low.
 _NO_SURPRISE, _FLATTER = 0.5, 1.25
 # Upper bound of the confidence of words of a block whose check fails: the code cannot detect a rotation of all phases.
 _MOST_ERASED = 0.9
@@ -418,7 +430,7 @@ def following(tool: ToolConfiguration, name: BlockName) -> BlockName:
 
 
 def checked(tool: ToolConfiguration, bits: Array) -> tuple[BlockName, bytes] | None:
-    """Return name and words of a block if its check, name, parities and filling hold, else None; bits as decoded."""
+    """Return name and data of a block if check, name, parities and filling hold, else None; bits: log ratios."""
     block = air.read_block((bits < 0.0).astype(np.int64), tool.table_check)
     if block is None:
         return None
@@ -436,8 +448,8 @@ def believed(
     """
     Return the words of a block whose check holds.
 
-    block: its name and the number of its frame; odds: prior odds of the block divided by the number of trials; span:
-    its begin and end, s.
+    block: name of the block, and number of the frame; odds: prior odds of the block divided by the number of trials;
+    span: begin and end of the block, s.
     """
     name, frame = block
     confidence = 1.0 / (1.0 + _PASSES_BY_CHANCE / odds)

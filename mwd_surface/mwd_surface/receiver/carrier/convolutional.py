@@ -20,7 +20,7 @@ _SUREST = 40.0  # larger log-likelihood ratios are clipped: they add nothing, an
 
 @compiled
 def _forward_backward(given: Array, table: Indices, tail: int, bits: Array, coded: Array) -> float:
-    """Run the pass on given, shape (n, 2); fill bits, shape (n,), and coded, shape (n, 2); return the log evidence."""
+    """Run the forward-backward pass on given, (n, 2); fill bits, (n,), and coded, (n, 2); return the log evidence."""
     n, states = len(given), len(table)
     half = states // 2
     forward = np.zeros((n + 1, states))

@@ -35,10 +35,10 @@ from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, bel
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
 # Eb/N0 at which 19 of 20 words of 13 bits with parity are right (docs/benchmarks.md, limits of the code).
 NEEDED_DB = 6.0
-# The same Eb/N0 for carriers, whose blocks have an error-correcting code (docs/benchmarks.md, link).
+# Eb/N0 that is needed with a carrier, whose blocks have an error-correcting code (docs/benchmarks.md, link).
 _NEEDED_DB = {"psk": 3.5}
-_GOODPUT_S = 300.0
-_JUDGED_WORDS = 40
+_GOODPUT_S = 300.0  # time over which the rate of usable bits (goodput) is averaged, s
+_JUDGED_WORDS = 40  # largest number of final words from which the state and the quality are judged
 _NO_INPUT = {
     "mud": "no pressure arrives: look at the gauge and its cable",
     "earth": "no voltage arrives: look at the antenna and its cable",
@@ -133,7 +133,7 @@ class Link:
         return self._tool
 
     def successor(self, tool: ToolConfiguration) -> Link:
-        """Return a link with another tool configuration that continues this one's flow, attitude and time."""
+        """Return a link with another tool configuration that continues the flow, attitude and time of this link."""
         after = Link(tool, self.name, self._rules, self._stamp_ns)
         after._tool_flow, after.attitude = copy.deepcopy(self._tool_flow), copy.deepcopy(self.attitude)
         after.flow = after._tool_flow.spans
@@ -176,7 +176,7 @@ class Link:
             self._receiver.strokes(pump, time_s)
 
     def take_flow(self, at_s: float, flow_rate: float | None) -> None:
-        """Add the flow that the rig reports at a time, s, in m^3/s; None if it reports none."""
+        """Add the flow that the rig reports at a time, s; flow_rate: m^3/s, None if the rig reports no flow."""
         self._tool_flow.take(at_s, flow_rate)
 
     def finish(self) -> LinkOutput:
@@ -249,7 +249,7 @@ class Link:
         return max((item.bits for items in sequences for item in items if item.name == word.name), default=0)
 
     def _survey_of(self, words: list[ReceivedWord]) -> list[HeardSurvey]:
-        """Return the survey of a pass; empty where no word of the pass is believed."""
+        """Return a list with the survey in the words of a pass; empty if no word is usable."""
         values = believed(words)
         if not values:
             return []
@@ -257,7 +257,7 @@ class Link:
         return [HeardSurvey(self.name, self._last_survey, values)]
 
     def _taken(self, sent_s: float) -> SurveyTime:
-        """Return when a survey sent from a time on was taken: in the last span without flow before that time."""
+        """Return the time of a survey whose words began at `sent_s`, s: in the last span without flow before that."""
         if self._wired:
             # A tool on a wire sends a survey directly after taking it.
             return SurveyTime(self._stamp_ns(sent_s - 0.5 * SURVEY_S), 0.5 * SURVEY_S)
@@ -286,7 +286,7 @@ class Link:
         return SEARCHING, self._nothing_found(on_since, frame)
 
     def _survey_received(self, words: list[ReceivedWord]) -> tuple[int, str]:
-        """Return the state after the last survey of a tool that sends only surveys, from the share of usable words."""
+        """Return state and reason after the survey with these words, for a tool that sends only surveys."""
         count = max(len(words), min(len(items) for items in self._tool.surveys))
         good = sum(one.usable for one in words)
         if good == count:
@@ -343,7 +343,7 @@ class Link:
 # Decision whether the tool is silent because of the flow, from the pressure, the rig's flow and the received words.
 
 
-# A reported flow older than this is not used, s; rigs report it every second or every few seconds.
+# Greatest age of a reported flow that is used, s; rigs report the flow every second or every few seconds.
 _FRESH_S = 5.0
 # Lowest ratio of flow to the tool's threshold at which the pressure can still show running pumps. The pumps count as on
 # from OFF times the pressure while the tool sends, and friction varies with flow**1.75 (turbulent, Blasius).
@@ -366,8 +366,8 @@ class ToolFlow:
     def __init__(self, tool: ToolConfiguration, spans: FlowSpans) -> None:
         self._tool, self.spans = tool, spans
         self._switch: Switch | None = None
-        # Time of the rig's last flow, and since when the flow has been on this side of the threshold, s; -inf if
-        # unknown.
+        # Time of the last flow that the rig reported, and time at which the flow reached its present side of the
+        # threshold, s; -inf if unknown.
         self._at_s = self._since_s = -math.inf
         # Newest flow on the present side of the threshold, m^3/s, and whether later flows were on the other side, for
         # too short a time to change the side.
@@ -375,7 +375,7 @@ class ToolFlow:
         self._word_s = -math.inf
 
     def take(self, at_s: float, rate: float | None) -> None:
-        """Add the flow that the rig reports at a time, s, in m^3/s; None if it reports none."""
+        """Add the flow that the rig reports at a time, s; rate: m^3/s, None if the rig reports no flow."""
         if rate is None or not math.isfinite(rate):
             self._at_s = -math.inf
             return

@@ -29,7 +29,7 @@ from mwd_surface.receiver.words import LinkValue, ReceivedWord, value_of
 
 @dataclasses.dataclass(frozen=True)
 class AgeRules:
-    """Settings for how a value received over a link ages."""
+    """Settings for the largest age of values received over a link, and for the growth of their sigmas with age."""
 
     toolface_max_age_s: float = setting(
         120.0,
@@ -108,7 +108,7 @@ _ANGLES = {
     "inclination": ((meanings.CONTINUOUS_INCLINATION, meanings.INCLINATION), meanings.SIGMA_INCLINATION),
     "azimuth": ((meanings.CONTINUOUS_AZIMUTH, meanings.AZIMUTH), meanings.SIGMA_AZIMUTH),
 }
-_PIPE_RADIUS_M = 0.1  # where the pipe touches the wall, joints included
+_PIPE_RADIUS_M = 0.1  # radius at which the pipe touches the wall (tool joints), m
 _TOOLFACES = ("gravity_toolface", "magnetic_toolface")
 
 
@@ -160,7 +160,8 @@ class LinkAttitude:
         """
         Store the angle of the top drive, rad, at a time on the clock of the pressure, s.
 
-        A time that does not rise is dropped, unless a second time rises from there: then the later times were wrong.
+        A time that does not rise is dropped. If the next time does not rise either, but follows the dropped one, the
+        clock was wrong before: the stored times after the dropped one are removed.
         """
         if self._quill and at_s <= self._quill[-1][0]:
             earlier, self._earlier = self._earlier, (at_s, angle)
@@ -254,7 +255,11 @@ class LinkAttitude:
         return max(found, key=lambda one: one[1].start_s) if found else None
 
     def _predicted(self, value: LinkValue, now_s: float) -> tuple[float, float]:
-        """Return the toolface, turned by the top drive motion that has reached it since, and its sigma, rad."""
+        """
+        Return the present toolface and its sigma, rad.
+
+        The received toolface is turned by the motion of the top drive that has reached the end of the string since.
+        """
         rules, age = self._rules, self._age(value, now_s)
         (drive, end), (drive_then, end_then) = self._quill_at(now_s), self._quill_at(now_s - age)
         grown = math.radians(rules.toolface_rate_deg_s) * age
@@ -263,7 +268,7 @@ class LinkAttitude:
         return value.value + end - end_then, min(sigma, math.pi)
 
     def _quill_at(self, at_s: float) -> tuple[float, float]:
-        """Return the angle of the top drive and the part that has reached the end of the string, rad."""
+        """Return the angle of the top drive, rad, and the part of this angle that has reached the end of the string."""
         if not self._quill:
             return 0.0, 0.0
         times, drive, end = zip(*self._quill, strict=True)
@@ -291,6 +296,6 @@ def best(rows: Sequence[Samples]) -> Samples:
 
 
 def _surest(rows: Sequence[Samples], names: Sequence[str]) -> Samples:
-    """Return the row in which one of the named angles has the smallest known sigma; -1 means unknown."""
+    """Return the row in which one of the named angles has the smallest sigma; NaN counts as the largest sigma."""
     sigmas = np.array([[float(row["sigma_" + name][0]) for name in names] for row in rows])
     return rows[int(np.argmin(np.nan_to_num(sigmas, nan=math.inf).min(axis=1)))]

@@ -23,7 +23,7 @@ from mwd_surface.receiver.words import ReceivedWord
 # Longest time for which pressure waits for strokes, s. It must have passed both in stamps of the pressure and on the
 # clock: neither bursts that arrive together nor a paused replay show that a counter has failed.
 _WAIT_S = 10.0
-_EARLY = 200
+_EARLY = 200  # number of strokes that are kept before the first pressure sample
 
 
 class _Burst(NamedTuple):
@@ -82,7 +82,7 @@ class LinkFeed:
 
     @property
     def link(self) -> Link:
-        """Link in force."""
+        """Link with the configuration in force."""
         return self.following.link
 
     def stamp_of(self, seconds: float) -> int:
@@ -218,11 +218,11 @@ class FollowingLink:
 
     @property
     def expects(self) -> int | None:
-        """Code of the answer that is waited for, or None."""
+        """Code of the awaited answer of the tool; None if no answer is awaited."""
         return None if self._next is None else self._echo
 
     def expect(self, tool: ToolConfiguration, echo: int) -> None:
-        """Also decode with the configuration that a command selects; echo: code by which the tool confirms it."""
+        """Decode also with the configuration after a command; echo: code by which the tool confirms the command."""
         self._next, self._echo = self.link.successor(tool), echo
         self._kept = LinkOutput()
 

@@ -29,7 +29,7 @@ def log_samples(
     words: Iterable[ReceivedWord], tool: ToolConfiguration, stamp_of: Callable[[float], int]
 ) -> Iterator[LogSample]:
     """
-    Yield the samples that believed, final words carry.
+    Yield the log samples in the final, usable words.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ _FIELD, _DIP = 5.0e-5, math.radians(65.0)
 _NAMESPACE = uuid.UUID("5b0cfe2c-94f6-4d0e-9c1f-6f0cbd0a5f5e")
 
 
-# Latest middle of a survey after the beginning of a time at rest, s.
+# Longest time from the beginning of a time at rest to the middle of the survey taken in it, s.
 SETTLE_S = 6.0
 # Tolerance for the difference between the clocks of two links when their times at rest are compared, s.
 _CLOCKS_S = 5.0
@@ -56,7 +56,7 @@ class SurveyTime:
 
     @property
     def _rest_s(self) -> tuple[float, float]:
-        """Begin and end of the time at rest, s; an unknown one begins at -inf and ends at the stamp."""
+        """Begin and end of the time at rest, s; an unknown time at rest begins at -inf and ends at the stamp."""
         if not self.known:
             return -math.inf, self.stamp_ns / NANOSECONDS
         begin = self.stamp_ns / NANOSECONDS - min(self.half_s, SETTLE_S)

@@ -25,8 +25,9 @@ from mwd_surface.receiver.words import LinkValue
 
 _OF_SURVEY = (meanings.INCLINATION, meanings.AZIMUTH, meanings.G_TOTAL, meanings.B_TOTAL, meanings.DIP)
 _ANGLES = (meanings.AZIMUTH,)
-_SPARE_S = 30.0
-# Two roundings of one value differ by at most half a step of each; the sigma of a word is its step over sqrt(12).
+_SPARE_S = 30.0  # time in addition to the slowest link for which a survey waits for more words, s
+# Largest difference of two words that may be roundings of one value, as a multiple of the sum of their sigmas: half a
+# step of each word. The sigma of a word is its step over sqrt(12).
 _HALF_STEPS = 0.5 * math.sqrt(12.0) * 1.01
 
 
@@ -79,7 +80,7 @@ class LinkSurveys:
         self._count = 0
 
     def take(self, heard: HeardSurvey, now_ns: int) -> list[Survey]:
-        """Add the words of a pass received by a stamp, ns; return the surveys that are now complete."""
+        """Add the words of a pass, all received until the stamp `now_ns`, ns; return the surveys now complete."""
         station, out = self._station, []
         if station is None or not _same(station, heard):
             out = self._ended(station)

@@ -22,15 +22,16 @@ from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.pulse.pulse_widths import WIDTHS_S
 from mwd_surface.receiver.words import BELIEVED, Reception
 
-# Length of recording that is tried from flow-on, s: a survey of 133 s with 0.8 s pulses takes 332 s with the widest.
+# Length of recording that is tried from flow-on, s: a survey of 133 s with 0.8 s pulses takes 332 s with 2 s pulses.
 _TRIED_S = 900.0
 # Pressure before flow-on that is kept, s, so that the receiver sees the flow come on.
 _BEFORE_S = 20.0
-# Least score of a sync whose words are tried: noise reaches it at one of a hundred widths in about one hour of ten.
+# Least score of a sync whose words are tried. If a hundred widths are tried on an hour of noise, one of them reaches
+# this score in about one case of ten.
 _LEAST_SCORE = 14.0
 # Widths relative to the estimated one that are tried; the clock of the receiver follows half a percent.
 _NEAR = (1.0, 1.006, 0.994)
-_SAME = 0.01  # a width within this share of the configured one is the configured one
+_SAME = 0.01  # largest relative difference with which an estimated width counts as the configured width
 
 
 def other_widths(tool: ToolConfiguration) -> list[float]:
@@ -50,7 +51,7 @@ def believed_with(
 def received_with(
     tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array]
 ) -> Reception:
-    """Return the reception with a configuration; empty if the samples are too far apart for its pulses."""
+    """Return the words decoded with a configuration; empty if the samples are too far apart for its pulses."""
     receiver = PulseReceiver(tool)
     for pump, times in strokes.items():
         receiver.strokes(pump, times)
@@ -66,7 +67,7 @@ def sent_width(
     tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array]
 ) -> float | None:
     """
-    Return the pulse width that the tool sends if it is not the configured one, s, else None.
+    Return the pulse width of the tool, s, if it differs from the configured width; else None.
 
     Arguments as in `believed_with`.
     """
@@ -103,7 +104,7 @@ def sent_tool(
     time_s, pressure_pa = time_s[first], pressure_pa[first]
     best, most = None, 0
     for guess in sync_search.guesses(tool, time_s, pressure_pa, syncs):
-        # A later guess has a lower score; it is tried only where no earlier one has words.
+        # A later guess has a lower score, so it is tried only if no earlier guess gives believed words.
         if best is not None or guess.score < _LEAST_SCORE:
             break
         for parity in parities or (tool.parity,):

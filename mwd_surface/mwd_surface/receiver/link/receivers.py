@@ -21,7 +21,7 @@ class Receiver(Protocol):
     """Begin of the last sync, marker or frame found, s; -inf before the first."""
 
     def push(self, time_s: Array, value: Array, /) -> Reception:
-        """Add samples, shape (n,) each, and return what they complete."""
+        """Add samples, shape (n,) each; return the words and frames that they complete."""
         ...
 
     def finish(self) -> Reception:

@@ -22,11 +22,12 @@ BEFORE = 12  # samples of the response before the nominal edge, for a slow rise 
 # Length of the response: echoes of the string arrive within 2 depth / speed, and the line relaxes over seconds.
 _RESPONSE_S = 15.0
 _LEAST_TU, _MOST_TU = 24, 120
-_PULSE = 2 * SAMPLES_PER_TU
+_PULSE = 2 * SAMPLES_PER_TU  # length of a pulse, samples
 # Spread of the arrival before the nominal time, 1 sigma: timing error of a sync, samples, and travel through km of mud,
 # s.
 _EARLY_SAMPLES, _EARLY_S = 1.5, 0.2
-# Decay after the arrival: friction and echoes near the gauge last tenths of a second, the line relaxes over seconds.
+# Decay after the arrival: time constant of the fast decay (friction and echoes near the gauge), s; share and time
+# constant, s, of the slow decay (relaxation of the line).
 _NEAR_S, _SLOW, _SLOW_S = 0.3, 0.1, 8.0
 # Correlation length at the arrival, samples, and the number of those lengths in which it doubles: friction damps high
 # frequencies first.
@@ -80,7 +81,7 @@ def basis(length: int, tu_s: float) -> Array:
 @compiled
 def normal_equations(train: Array, shapes: Array, whitened: Array, weight: Array, matrix: Array, right: Array) -> None:
     """
-    Fill the normal equations of the coefficients.
+    Fill the normal equations of the coefficients of the response.
 
     Parameters
     ----------
@@ -148,7 +149,7 @@ def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, floa
 @compiled
 def place_pairs(pulses: Array, weight: Array, out: Array) -> None:
     """
-    Sum the probabilities that one pulse is at either of two places, by the distance of the places.
+    Sum the products of the probabilities of two places of one pulse, by the distance of the places.
 
     Parameters
     ----------

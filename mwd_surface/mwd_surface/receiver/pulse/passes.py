@@ -22,11 +22,12 @@ from mwd_surface.receiver.pulse import segment, trellis
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.words import packet_rows
 
-# Least bits of a stretch: short words are decoded together; a survey word is long enough alone, so it is shown soon.
+# Least number of bits of a stretch: short words are decoded together. A survey word is long enough alone, so it is
+# shown as soon as it has arrived.
 _STRETCH_BITS = 12
 # Bits used to decide whether a sequence is present, and which one.
 LOOK_BITS = 30
-_BEAM = 16
+_BEAM = 16  # number of the most probable codes of a word that are kept
 # Likelihoods are raised to 1 / temperature (C. Guo et al., On Calibration of Modern Neural Networks, 2017): the first
 # in steady noise, the second in a disturbance. A disturbance is not just larger noise: it has a shape that may look
 # like a pulse. Against known words, the best temperature is 1 in undisturbed white noise and in wells, and 2 to 3 in
@@ -105,7 +106,7 @@ class Pass:
         First sample of the transmission.
     done, at : int
         Number of decoded words, and the sample at which the next word begins.
-    parts : list of Part
+    parts : list of DecodedWord
     shown : int
         Number of words already reported as provisional.
     """
@@ -207,7 +208,7 @@ def soft_words(
 
 
 def _worst(fits: Array) -> float:
-    """Return the log likelihood ratio of a word against all kinds of wrong tables, from that against each kind."""
+    """Return the log likelihood ratio of the table to all wrong tables; fits: the ratio to each kind of wrong table."""
     # A wrong table has the same kind of pulses in all packets of a word.
     least = np.min(fits)
     return float(least - np.log(np.mean(np.exp(least - fits))))
@@ -216,7 +217,7 @@ def _worst(fits: Array) -> float:
 def _soft_values(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
-    """Weigh the codes of words in the pulse position code."""
+    """Return the words of the pulse position code with the probabilities of their codes, for `soft_words`."""
     count, values = len(rows), trellis.values_of(rows)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     chance, even = np.empty((count, values)), np.empty(count)
@@ -247,7 +248,7 @@ def _soft_values(
 def _soft_ranks(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
-    """Do the same as `soft_words` for the combinatorial code: weigh all codes of a word, with and without parity."""
+    """Return the words of the combinatorial code with the probabilities of all their codes, for `soft_words`."""
     count, values = len(rows), trellis.values_of(rows)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     ends = np.flatnonzero(rows[:, trellis.ENDS])

@@ -29,8 +29,8 @@ _BEFORE_S, _AFTER_S = 5.0, 15.0
 # Data before a hop for the noise model: at most the time between flow-on and sync. Its coefficients need many samples,
 # but data of starting pumps would spoil them.
 _NOISE_TU, _NOISE_S = 50, 40.0
-_SETTLED_S = 5.0
-_KEPT_TU = 500
+_SETTLED_S = 5.0  # time after flow-on until the pressure has settled, s
+_KEPT_TU = 500  # length of the pressure that is kept before a hop, TU
 # Samples per TU that the pulse code needs: 2 for each edge of a 2 TU pulse, and some margin for the filter.
 LEAST_PER_TU = 2.5
 # A sync scores about 20 at 6 dB per bit (`synchronisation`), and its score grows with its energy. The words after a
@@ -181,7 +181,7 @@ class PulseReceiver(SampledReceiver):
                 return
 
     def _add(self, done: Reception, more: Reception) -> None:
-        """Add the words of a step, after settling them against earlier surveys."""
+        """Add the words of a step to `done`, after earlier surveys have decided erased words."""
         if more.frames and self._tracker.leader is not None:
             self.channel = self._tracker.leader.channel
         for frame in more.frames:
@@ -195,7 +195,7 @@ class PulseReceiver(SampledReceiver):
 
     @property
     def _beyond(self) -> int:
-        """Pressure after a hop that its syncs need, TU."""
+        """Length of the pressure after a hop that is needed to find the syncs of the hop, TU."""
         return _GUARD_TU + self._tool.sync.edges_tu[-1] + 16
 
     @property

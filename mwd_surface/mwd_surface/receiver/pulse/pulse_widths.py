@@ -18,9 +18,10 @@ from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.pulse.segment import ChannelEstimate
 
 WIDTHS_S = (2.0, 1.5, 1.2, 1.0, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2)
-# Largest ratio of widths for a prediction; beyond it the channel was not measured in the band that matters.
+# Largest ratio of two pulse widths with which the margin of one is predicted from the other. At a larger ratio, the
+# channel was not measured at the frequencies that matter.
 _FARTHEST = 2.5
-_POINTS = 4096
+_POINTS = 4096  # length of the discrete Fourier transform
 # Band, in 1 / width, where the pulses have enough energy to fit the attenuation, and the upper end of the measured
 # band.
 _FITTED, _MEASURED = (0.15, 0.8), 0.8
@@ -40,7 +41,7 @@ def margins(channel: ChannelEstimate, width_s: float, ebn0_db: float) -> list[Wi
 
     Parameters
     ----------
-    channel : Channel
+    channel : ChannelEstimate
         Channel estimated from pulses of `width_s`.
     width_s : float
     ebn0_db : float
@@ -75,7 +76,7 @@ def _pulse(frequency: Array, width: float) -> Array:
 
 
 def _gain(frequency: Array, heard: Array, width: float) -> Array:
-    """Return the channel's gain: measured where the received pulses have energy, extrapolated as friction above."""
+    """Return the gain of the channel: measured at frequencies where pulses have energy, above them extrapolated."""
     measured = heard / np.maximum(_pulse(frequency, width), 1e-3 * width)
     low, high = (share / width for share in _FITTED)
     fitted = (frequency > low) & (frequency < high)

@@ -34,10 +34,10 @@ from mwd_surface.receiver.pulse.channel_estimate import (
 from mwd_surface.receiver.pump_lines import SEARCH_SAMPLES, pump_noise
 from mwd_surface.receiver.whitening import filtered, precision, prediction_error_filter
 
-ORDER = 40
-FLOOR = 1e-6
+ORDER = 40  # highest order of the noise model
+FLOOR = 1e-6  # white noise added to the noise model, as a share of its variance
 _KEPT = 0.5  # share of the previous sample that is subtracted before noise modelling where the level is steady
-_ROUNDS, _ROUNDS_AGAIN = 4, 2
+_ROUNDS, _ROUNDS_AGAIN = 4, 2  # number of iterations of the first and of a later decoding
 _LAGS = 20  # largest distance between two possible places of one pulse, TU
 _TAIL = 24  # samples by which whitening lengthens the response
 # Prior probability that the pulse of a packet is missing, and probability that its window holds a second pulse.
@@ -138,7 +138,7 @@ class DecodedStretch:
         Probability that the pulse of each value is present, if the packet has that value.
     fits : ndarray, shape (k, 3)
         Log likelihood ratio of each packet: one pulse in its window, against one, two, or two of half size anywhere.
-    channel : Channel
+    channel : ChannelEstimate
         Channel estimated from the other pulses, with the noise model of this stretch.
     ebn0_db : float
         Energy per bit over noise density.
@@ -173,8 +173,8 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
 
     Parameters
     ----------
-    stretch : Stretch
-    channel : Channel
+    stretch : StretchOnToolClock
+    channel : ChannelEstimate
         Estimate to start from.
     """
     packets = stretch.packets
@@ -273,7 +273,7 @@ def _second(unary: Array, at: Indices, real: NDArray[np.bool_], common: Array, l
 
 
 def _edges(stretch: StretchOnToolClock, span: int, beyond: int, pulses: Array) -> Array:
-    """Return the expected number of edges at each TU from `beyond` before the packets to `beyond` after their span."""
+    """Return the expected number of edges at each TU, from `beyond` TU before the packets to `beyond` TU after them."""
     edges = np.zeros(span + 2 * beyond)
     known = beyond + np.rint((stretch.pulses[:, 0] - stretch.start) / SAMPLES_PER_TU).astype(np.int64)
     inside = (known >= 0) & (known < len(edges))
@@ -288,10 +288,10 @@ def _fits(stretch: StretchOnToolClock, metric: Array, sure: Array, common: Array
 
     The table has one pulse in a window. Another table, or a second tool, has one or two pulses at any place of a window
     and the gap behind it; two of half the size if the response was estimated from syncs that two tools sent together.
-    Without any pulse both have the same likelihood, so silence says nothing about the table.
+    Without any pulse both have the same likelihood, so silence is no evidence for or against the table.
 
-    metric: of a pulse at each TU by itself; sure: share of it that counts, for each packet; pulses: expected number of
-    pulses at each place of each packet.
+    metric: metric of a single pulse at each TU; sure: share of the metric that is used, for each packet; pulses:
+    expected number of pulses at each place of each packet.
     """
     packets, missing = stretch.packets, stretch.missing
     if packets[0, trellis.RISING]:
@@ -332,7 +332,7 @@ def _train(stretch: StretchOnToolClock, probability: Array) -> Array:
 
 
 def _add_known(stretch: StretchOnToolClock, train: Array) -> None:
-    """Add the pulses that do not belong to the packets."""
+    """Add the expected edges of the pulses before and after the packets (`stretch.pulses`) to `train`."""
     at = np.rint(stretch.pulses[:, 0]).astype(np.int64)
     inside = (at >= 0) & (at < len(train))
     np.add.at(train, at[inside], stretch.pulses[inside, 1])
@@ -363,7 +363,7 @@ def _whitened_shapes(state: ChannelEstimate, shapes: Array) -> None:
 
 
 def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Array) -> Array:
-    """Return the pump noise of a stretch whose pulses are known from an earlier decoding."""
+    """Return the sum of level and pump noise of a stretch whose pulses are known from an earlier decoding."""
     explained = np.empty(len(stretch.pressure))
     reconstruct(_train(stretch, probability), state.response, explained)
     return _background(stretch.pressure - explained, stretch.known, state.memory, stretch.angles)
@@ -419,7 +419,7 @@ def _lateness(stretch: StretchOnToolClock, train: Array, each: float) -> Array:
     """
     Return the variance that the clock error adds to the decision on each packet, in units of the noise; shape (k,).
 
-    train: weights of the known pulses; each: standard deviation per sample of timing error.
+    train: weights of the known pulses; each: standard deviation that a timing error of one sample adds to a decision.
     """
     others = train.copy()
     others[max(stretch.start - BEFORE, 0) : stretch.end] = 0.0
@@ -436,7 +436,7 @@ def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Arra
 
 
 def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, weight: Array) -> Array:
-    """Fit the noise model to the pressure without pulses and pumps; return the level and pump noise."""
+    """Fit the noise model to the pressure without pulses and pumps; return the sum of level and pump noise."""
     explained = np.empty(len(weight))
     reconstruct(_train(stretch, pulses), state.response, explained)
     residual = stretch.pressure - explained
@@ -446,7 +446,7 @@ def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimat
     unsure = _unsure(_places(stretch, pulses), state.response, weight)
     unexpected = prediction_error_filter(residual, root, ORDER, FLOOR, stepwise, 1.0, unsure)
     if unexpected > 0.0:
-        # Use the better predictor of the two: if the level drifts or steps, the one with the level does not help.
+        # Use the better predictor of the two: if the level drifts or steps, the predictor with the level is worse.
         steady = prediction_error_filter(residual, root, ORDER, FLOOR, level, _KEPT, unsure) < unexpected
         state.stepwise, state.whitener = stepwise, level if steady else stepwise
     return background
@@ -470,7 +470,7 @@ def _unsure(places: Array, response: Array, weight: Array) -> Array:
 
 
 def _background(noise: Array, weight: Array, memory: float, angles: Array | None) -> Array:
-    """Return the level and the pump noise of a pressure without its pulses."""
+    """Return the sum of level and pump noise of a pressure without its pulses."""
     level = float(weight @ noise) / max(float(weight.sum()), 1e-300)
     return level + pump_noise(noise, weight, memory, angles)
 
@@ -511,7 +511,7 @@ def _timing(
 
 
 def _weighted_train(train: Array, weight: Array, response: Array, out: Array) -> None:
-    """Fill out, shape (n,), with a train of pulses whose weights may be negative."""
+    """Fill `out`, shape (n,), with a train of pulses whose weights may be negative."""
     negative = np.empty(len(out))
     reconstruct(train * np.maximum(weight, 0.0), response, out)
     reconstruct(train * np.maximum(-weight, 0.0), response, negative)

@@ -35,10 +35,11 @@ _CHANGE = {
 _AT_FIRST = {"Grav": (STANDARD_GRAVITY, 0.004 * STANDARD_GRAVITY)}
 # Probability that a word is unrelated to the survey before: disturbed field, new well, or failed tool.
 _FREE = 0.05
-# Log odds above which two receptions count as one survey sent twice; and the share of equal codes in words of different
-# surveys, for long words and for short ones that change slowly.
+# Log odds above which two receptions count as one survey sent twice.
 _LEAST_ODDS = math.log(20.0)
-_LONG_BITS = 10
+_LONG_BITS = 10  # least number of bits of a long word
+# Probability that a word has the same code in two different surveys: for a long word, and for a short word, which
+# changes slowly.
 _ALIKE_LONG, _ALIKE_SHORT = 0.2, 0.7
 _SLIP = 1e-4  # likelihood of receptions that no listed code explains
 _EULER = 0.5772  # Euler's constant: the sum of 1/d up to n, minus log(n)
@@ -85,7 +86,7 @@ class _Codes:
 
 class SurveyMemory:
     """
-    Earlier surveys, against which the words of the next one are settled.
+    Earlier surveys, by which erased words of the next survey are decided.
 
     Parameters
     ----------

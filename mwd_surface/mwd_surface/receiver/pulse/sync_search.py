@@ -23,13 +23,14 @@ from mwd_surface.receiver.words import Reception
 # Number of widths returned for each sync, and smallest difference of their logarithms. Several widths are needed,
 # because the pulses of words may resemble the sync of another width and score higher than the true sync.
 _PEAKS, _APART = 4, 0.05
-_BEFORE_S = 60.0  # pressure before a sync, for its noise model
+_BEFORE_S = 60.0  # time before a sync whose pressure is used for the noise model, s
 USUAL_SYNCS = (Sync(), Sync((0, 5, 15, 20, 30), 40), Sync((0, 4, 8, 12, 16), 24), Sync((0, 6, 12, 18, 24), 32))
-# Shortest and longest width that is tried, s, and the ratio of neighbours: an error of half of it moves the last pulse
-# of a sync by 0.3 TU.
+# Shortest and longest width that is tried, s, and ratio of each width to the next smaller one. A width that is wrong by
+# half of this step, 1 %, moves the last pulse of a sync by 0.3 TU.
 _SHORTEST_S, _LONGEST_S, _RATIO = 0.2, 2.0, 1.02
-# Widths to each side of the best one, and their ratio. The score is flat within some percent, because the response of
-# the channel is free; the width is the mean of those whose score is at most this much lower than the best.
+# Number of widths tried on each side of the best width, ratio of each to the next smaller one, and how much lower than
+# the best a score may be. The score is flat within some percent of the width, because the response of the channel is
+# free; the estimated width is the weighted mean of the widths with such scores.
 _FINE, _FINE_RATIO, _LOWER = 8, 1.004, 8.0
 
 
@@ -103,7 +104,7 @@ def _refined(top: Guess, time_s: Array, pressure_pa: Array) -> Guess:
 
 
 def _best(tool: ToolConfiguration, sync: Sync, width_s: float, time_s: Array, pressure_pa: Array) -> Guess:
-    """Return the best sync of a width; a score of -inf if there is none or the samples are too far apart."""
+    """Return the guess with the best sync for a width; its score is -inf without a sync, or with too few samples."""
     guess = dataclasses.replace(tool, pulse_width_s=width_s, sync=sync)
     search = _Syncs(guess)
     try:

@@ -27,11 +27,11 @@ from mwd_surface.receiver.pulse.channel_estimate import (
 from mwd_surface.receiver.pump_lines import pump_noise
 from mwd_surface.receiver.whitening import filtered, steadiness, steady_filter
 
-ORDER = 24
-FLOOR = 1e-6
+ORDER = 24  # highest order of the noise model
+FLOOR = 1e-6  # white noise added to the noise model, as a share of its variance
 # Samples of the response used in a search; later ones add more noise than signal with so few pulses.
 RESPONSE = 30
-_TAIL = 20
+_TAIL = 20  # samples by which whitening lengthens the response
 # Noise exceeds a score x with a probability below exp(-x) at each independent place; an hour has about ten thousand
 # places. At 6 dB per bit a sync scores 20 on average and 9 in one case of fifty. A false sync costs a trial: the
 # packets after it decide whether it is a transmission.
@@ -45,13 +45,15 @@ _PROMISING, _ROUNDS = 2.0, 2
 _ENERGIES = (30.0, 100.0, 300.0, 1000.0)
 # Limit on the chi square (4 degrees of freedom) of the pulse sizes about their mean; the estimated response adds to it.
 _UNLIKE = 30.0
-# Limit on the log likelihood ratio for a missing pulse; at 6 dB noise exceeds it in one of a thousand syncs.
+# Log likelihood ratio above which a pulse of the sync counts as missing. At 6 dB, noise alone exceeds this limit in one
+# of a thousand syncs.
 _MISSING = 6.0
-# A pulse with less weighted energy than this share of the largest of the five is disturbed or in a data gap.
+# A pulse counts as disturbed, or as lost in a data gap, if its weighted energy is at most this share of the largest one
+# of the five pulses.
 _KNOWN = 0.5
 _MIDDLE = SAMPLES_PER_TU  # middle of a 2 TU pulse after its edge
-_LEAST_NOISE = 200  # least samples for a noise model
-# Starting pumps shift block means by more than this many usual deviations.
+_LEAST_NOISE = 200  # least number of samples for a noise model
+# Samples of a block, and shift of a block mean, in usual deviations, above which the pumps are starting.
 _BLOCK, _MOVED = 16, 5.0
 
 
@@ -73,7 +75,7 @@ class SyncFound:
     whitener : ndarray
         Prediction error filter of the noise.
     settled : int
-        Samples before the sync that come after the start of the pumps.
+        Number of samples between the start of the pumps and the sync.
     other : SyncFound or None
         Next best sync. A sync resembles itself shifted by 15 TU (three of five pulses); the words after it decide.
     """
@@ -194,7 +196,7 @@ def _found(
         moved = min(max(at + early, 0), count - 1)
         if moved != at:
             found = _fitted(whitened, weight, shapes, edges, first + moved)
-        # A place that moves onto the sync before is that sync, whose score is already taken out.
+        # If the place moves onto a sync found before, it is that sync, whose score is already removed.
         if score[moved] == -np.inf or not _alike(whitened, weight, found[0] @ shapes, edges, first + moved):
             break
         response = found[0] @ components

@@ -25,21 +25,22 @@ from mwd_surface.receiver.pulse.synchronisation import SyncFound
 from mwd_surface.receiver.pulse.transmission import FADED, ReceivedTransmission
 from mwd_surface.receiver.words import Reception
 
-# A hypothesis is dropped if another one is better by this log likelihood ratio plus this share of the better one's
-# evidence. The share is needed because the error of the model grows with the signal.
+# A hypothesis is dropped if the log likelihood ratio of a better hypothesis against it exceeds `_BETTER` plus the share
+# `_SHARE` of the evidence for the better one. The share is needed because the error of the model grows with the signal.
 _BETTER, _SHARE = 12.0, 0.1
-_MOST = 6  # hypotheses at a time
+_MOST = 6  # largest number of hypotheses at a time
 _APART_TU = 3  # distance from which two syncs are those of two tools; a pulse is 2 TU wide
 # A leader with good parities is established after this number of packets. Later syncs are then not decoded. They are
 # removed when the leader has been decoded this far beyond them, TU.
 _ESTABLISHED, _BEYOND_TU = 30, 200
-# The pressure falls for some seconds before a span without flow is seen; spans are known two seconds later.
+# Time for which the pressure falls before the start of a span without flow, and time after its start at which the span
+# is known, s.
 _FALLS_S, _SEEN_S = 4.0, 2.0
 
 
 class Tracker:
     """
-    Hypotheses about one tool.
+    Hypotheses about the transmission of one tool.
 
     Parameters
     ----------
@@ -97,11 +98,11 @@ class Tracker:
         return needs, self._all[k]
 
     def oldest(self) -> float:
-        """Return the first position of the grid that a hypothesis needs."""
+        """Return the first position of the grid that any hypothesis still needs."""
         return min((one.keeps() for one in self._all), default=math.inf)
 
     def step(self, one: ReceivedTransmission) -> Reception:
-        """Take the next step of a hypothesis; return what can now be published."""
+        """Take the next step of a hypothesis; return the words and frames that can now be published."""
         done = Reception()
         off_s = self._off(one)
         if self._grid.seconds(one.at) >= off_s:

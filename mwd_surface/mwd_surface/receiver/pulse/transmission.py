@@ -29,12 +29,12 @@ from mwd_surface.receiver.pulse.synchronisation import SyncFound
 from mwd_surface.receiver.pump_lines import STEADY_S
 from mwd_surface.receiver.words import ERASED, FrameReport, ReceivedWord, Reception, WordPlace, packet_rows, received
 
-_HISTORY_TU = 400
+_HISTORY_TU = 400  # length of the past that is used for the estimate of channel and clock, TU
 # Time after the last packet in which its response still carries energy.
 _AFTER_TU = 14
 # Probability of a wrong table above which the transmission counts as lost: at least three words in a row do not fit.
 _LOST = 0.999
-_DOUBTFUL = 0.2
+_DOUBTFUL = 0.2  # probability of a wrong table above which the parities count as failing
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
 _TWO_TOOLS = "two syncs overlap: two tools send at once; give them different pulse widths or transmit delays"
 FADED = "no pulses any more: flow off, too weak, or the tool began anew"
@@ -290,7 +290,7 @@ class ReceivedTransmission:
         self._places = [one for one in self._places if one.at >= oldest]
 
     def _pulses(self, but: DecodedWord | None) -> list[passes.PulsePlace]:
-        """Return all known pulses except those of one part."""
+        """Return all known pulses except those of the word `but`."""
         parts = self._pass.parts if self._pass is not None else []
         return self._places + [one for part in parts if part is not but for one in part.places()]
 
@@ -365,7 +365,7 @@ class ReceivedTransmission:
         return "toolface" if toolface > max(_CLEARER * survey, 0.0) else "survey"
 
     def _density(self, rows: Indices, length: int, start: int) -> float:
-        """Return the evidence per TU that some packets begin at a sample."""
+        """Return the log likelihood ratio per TU that the packets `rows` begin at the sample `start`."""
         return self._decode_once(rows, length, start).evidence / length
 
     def _following(self, last: Pass) -> Pass:
@@ -587,7 +587,7 @@ class Presence:
 
     @property
     def faint_words(self) -> int:
-        """Words before the last stretch that are now seen to have had no pulses."""
+        """Number of words before the last stretch that are now known to have had no pulses."""
         return sum(one.words for one in self._recent[:-1])
 
     def judge(self, stretch: PulseEvidence) -> None:

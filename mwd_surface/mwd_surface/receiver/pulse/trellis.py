@@ -20,7 +20,7 @@ from mwd_sensors.core.compiled import compiled
 # Number of values of a packet: 3 bits, or the places of one pulse of a combinatorial word.
 _VALUES, _VALUES_RISING = 8, 20
 START, BITS, ENDS, PARITY, COUNT, RISING = range(6)  # columns of a row of packets
-_NEVER = -1e30
+_NEVER = -1e30  # log probability of an impossible path
 
 
 @compiled
@@ -31,7 +31,7 @@ def _log_add(a: float, b: float) -> float:
 
 
 def values_of(packets: Indices) -> int:
-    """Return the width of arrays with a column for each value of a packet."""
+    """Return the number of columns of arrays that have one column for each value of a packet."""
     return _VALUES_RISING if packets[0, RISING] else _VALUES
 
 
@@ -215,7 +215,7 @@ def mean_interference(
     probability : ndarray, shape (n, values)
         Probability of each packet value.
     neighbours : bool
-        True for the packets directly before and after it, False for all others.
+        True: only the packets directly before and after each packet count; False: only all other pulses.
     out : ndarray, shape (n, values)
         Amount to subtract from the metric of each value.
     """
