@@ -27,7 +27,7 @@ TOKEN = "look-twice-first"  # noqa: S105
 # The ellipses are computed in the background, on a busy machine for seconds.
 EXCEPT = ("path.ellipses",)
 RUNS = {"demo": ("--rate", "1"), "telemetry_deep": ("--rate", "10"), "curve_and_lateral": ("--rate", "5")}
-SECONDS = 30.0
+SECONDS = 16.0
 
 
 def get(address, name):

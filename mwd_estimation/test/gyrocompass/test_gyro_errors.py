@@ -111,7 +111,7 @@ def test_stations_at_one_attitude_do_not_show_their_azimuth_by_being_many():
         mat, heading = any_toolface(rng), rng.uniform(0.0, math.tau)
         off, sigma, known = station(known, sought(*reading(true, heading, rng, mat)), heading)
         # As `GyroStation` does: what the first has shown of the biases, the others only use.
-        for _ in range(19):
+        for _ in range(9):
             off, sigma, _learnt = station(known, sought(*reading(true, heading, rng, mat)), heading)
             known = gyro_errors.after(known, PARAMS, 1800.0)
         errors.append(off)

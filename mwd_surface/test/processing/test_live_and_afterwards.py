@@ -26,22 +26,15 @@ SCHEDULE = [
     {"kind": "drill", "seconds": 22.0, "rpm": 120.0, "rop_m_h": 60.0},
     {"kind": "still", "seconds": 15.0, "pumps": False},
 ]
-# Of every sensor each failure from the first sample on; and some that begin within or after the first survey. A unit is
-# named whatever sensor has it, and one pair of swapped axes is as good as another.
-WORDS = {
-    "accel": ("off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent", "flipped", "in_g", "saturated"),
-    "gyro": ("off", "stuck", "garbage", "wrong", "flipped", "in_deg_s", "nan"),
-    "mag": ("off", "stuck", "garbage", "wrong", "delayed", "flipped", "in_ut"),
-    "precision_gyro": ("off", "garbage", "flipped"),
-}
+# Each kind of failure once, of any sensor: most from the first sample on, some within or after the first survey.
 FAULTS = [
-    *((component, word, "all", 0.0) for component, words in WORDS.items() for word in words),
-    *((component, "swapped", "xz", 0.0) for component in ("accel", "gyro", "mag")),
-    *(
-        (component, word, "all", at)
-        for component in ("accel", "mag")
-        for word, at in (("stuck", 9.0), ("flipped", 25.0))
-    ),
+    *(("accel", word, "all", 0.0) for word in ("off", "garbage", "slow", "intermittent", "in_g", "saturated")),
+    *(("gyro", word, "all", 0.0) for word in ("stuck", "wrong", "in_deg_s", "nan")),
+    *(("mag", word, "all", 0.0) for word in ("delayed", "flipped", "in_ut")),
+    ("precision_gyro", "off", "all", 0.0),
+    ("accel", "swapped", "xz", 0.0),
+    ("accel", "stuck", "all", 9.0),
+    ("mag", "flipped", "all", 25.0),
 ]
 
 

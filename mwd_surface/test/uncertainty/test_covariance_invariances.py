@@ -167,7 +167,7 @@ def test_own_sigmas_of_vertical_stations_do_not_depend_on_their_azimuth(printed,
     assert got[-1, 1, 1] == pytest.approx(got[-1, 0, 0])
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(printed=st.lists(azimuths, min_size=4, max_size=4))
 def test_a_forecast_does_not_depend_on_the_azimuth_of_a_vertical_plan(printed):
     from mwd_estimation.core.reference_field import Reference
