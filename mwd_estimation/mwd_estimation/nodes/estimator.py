@@ -168,6 +168,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         taken = {"imu/data_raw": inputs.take("imu/data_raw")}
         taken |= {topic: inputs.take(topic) for topic in _BESIDE}
         taken = self._gate.passed(taken)
+        if not any(map(len, taken.values())):
+            return
         imu, others = taken["imu/data_raw"], [taken[topic] for topic in _BESIDE]
         if inputs.mount_key != self._mount_key:
             # The mount changes when frames and static transforms arrive with the first messages.

@@ -105,14 +105,14 @@ class InputTopics:
         """Return the waiting samples of a topic, followed by those of its burst topic, in axes of the unit."""
         layout = wire.SONDE_TOPICS[topic]
         waiting = self._buffers[topic].take()
+        waiting_bursts = self._buffers[_BURST_TOPIC[topic]].take() if topic in _BURST_TOPIC else []
+        if not waiting and not waiting_bursts:
+            return layout.empty(0)
         if len(waiting) >= qos.LONG_QUEUE:
             self._full_at[topic] = time.monotonic()
         messages = self._in_frame(topic, [message.data for message in waiting])
         samples, errors = wire.decode_messages(layout, messages)
-        bursts = []
-        if topic in _BURST_TOPIC:
-            bursts = [message.data for message in self._buffers[_BURST_TOPIC[topic]].take()]
-            bursts = self._in_frame(topic, bursts)
+        bursts = self._in_frame(topic, [message.data for message in waiting_bursts])
         for message in bursts:
             try:
                 samples = np.concatenate([samples, burst.decode(message)])
