@@ -127,7 +127,7 @@ def survey_diagnostic(pipeline: Pipeline, settings: EstimatorSettings, requested
     if not (survey.automatic or requested_s is not None) or share == 0.0:
         return Diagnostic("survey", OK, "none under way")
     if share >= 1.0:
-        return Diagnostic("survey", OK, "taken; the next one comes after the tool has moved")
+        return Diagnostic("survey", OK, "a survey was taken here; the next one comes after the tool has moved")
     seconds = survey.settle_s + survey.duration_s if requested_s is None else requested_s
     if still.waits_for is not None:
         waits_for, waited = text(still.waits_for), still.waited_s
