@@ -56,8 +56,9 @@ class DepthRules:
     )
     bridge: float = setting(
         60.0,
-        "Longest gap of rig data over which the depth is interpolated. A survey in a longer gap gets no depth; "
-        "raising it accepts less certain depths.",
+        "Longest gap of rig data over which the depth is interpolated. In a longer gap a survey gets the last depth "
+        "before the gap, and waits for an operator if that depth is older than depth_age_limit. Raising it "
+        "interpolates over gaps in which the string may have moved unevenly.",
         unit="s",
         low=0.1,
     )
