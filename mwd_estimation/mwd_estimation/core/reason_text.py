@@ -67,11 +67,11 @@ WORDS: dict[Code, str] = {
     Code.TOTALS_OFF_TOGETHER: "total gravity, total field and dip together do not fit: "
     "chi-square {value:.1f}, limit {limit:.1f}",
     Code.WITHIN_LIMITS: "within limits: {causes_listed}",
-    Code.GRAVITY_WITHIN: "total gravity {value:+.1f mG} (limit {limit:.1f mG})",
-    Code.GRAVITY_WITHIN_STANDARD: "total gravity {value:+.1f mG} (limit {limit:.1f mG}) off standard gravity "
-    "(nearer than the place's)",
-    Code.FIELD_WITHIN: "total field {value:+.0f nT} (limit {limit:.0f nT})",
-    Code.DIP_WITHIN: "dip {value:+.2f deg} (limit {limit:.2f deg})",
+    Code.GRAVITY_WITHIN: "total gravity {value:+.1f mG} off the reference (limit {limit:.1f mG})",
+    Code.GRAVITY_WITHIN_STANDARD: "total gravity {value:+.1f mG} off standard gravity (nearer than the place's; "
+    "limit {limit:.1f mG})",
+    Code.FIELD_WITHIN: "total field {value:+.0f nT} off the reference (limit {limit:.0f nT})",
+    Code.DIP_WITHIN: "dip {value:+.2f deg} off the reference (limit {limit:.2f deg})",
     Code.GRAVITY_NOT_EARTH: "total gravity {value:.4g m/s^2} is not the Earth's",
     Code.GRAVITY_IN_G: "total gravity {value:.4g m/s^2} is not the Earth's: a reading in g?",
     Code.FIELD_NOT_EARTH: "total field {value:.0f nT} is not the Earth's",

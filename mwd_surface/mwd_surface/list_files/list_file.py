@@ -896,7 +896,11 @@ class _ListReader:
         return shifted[:, 0], shifted[:, 1]
 
     def _in_axes(self, angles: tuple[Array, Array, Array], positions: Array, north: str) -> Array:
-        """Rotate map coordinates, which follow a grid, to the north of the azimuths if they then fit the angles."""
+        """
+        Rotate map coordinates from grid north to the north of the azimuths if the path of the angles then fits them.
+
+        Coordinates that fit already, or would have to be rotated by more than 6 deg, are returned unchanged.
+        """
         offset = float(np.hypot(*positions[0, :2]))
         if fits(angles, positions):
             if offset > _OFFSET:

@@ -329,7 +329,7 @@ def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> li
         found += _clock_problems(bag, topics)
         if not found and place.model and not place.date and not clock_was_set(bag, topics):
             sentence = f"the clock of {topics.imu} was never set, and the field model needs the date"
-            found.append(StreamProblem(f"{sentence}; the recorder knows the date", ("stamps", "recording")))
+            found.append(StreamProblem(f"{sentence}, which the recorder knows", ("stamps", "recording")))
     return found
 
 
@@ -339,7 +339,7 @@ def refuse(found: list[StreamProblem]) -> None:
         return
     sentence = "; ".join(one.sentence for one in found)
     options = " ".join(f"{option_of(one.option[0])} {one.option[1]}" for one in found if one.option)
-    raise OptionNeededError(f"{sentence}; set it with {options}") if options else ValueError(sentence)
+    raise OptionNeededError(f"{sentence}; use {options}") if options else ValueError(sentence)
 
 
 def _clock_problems(bag: Bag, topics: Topics) -> list[StreamProblem]:
