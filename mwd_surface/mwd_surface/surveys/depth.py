@@ -66,14 +66,15 @@ class DepthRules:
     clock_limit: float = setting(
         20.0,
         "Largest difference between the clocks of rig and sonde, judged by the order in which their data arrive. "
-        "Above it surveys get no depth from the rig. Raise it for rig data that arrive later than this.",
+        "With a larger difference surveys get no depth from the rig. Raise it for rig data that arrive later than "
+        "this.",
         unit="s",
         low=1.0,
     )
     history: int = setting(
         36000,
         "Number of depth readings kept in memory; 36000 readings at 1 Hz are ten hours. Raising it gives a depth "
-        "to surveys that arrive later, and costs memory.",
+        "to surveys that arrive later, but costs memory.",
         low=10,
     )
 
