@@ -157,7 +157,9 @@ class RodServer:
         known, self._taken = self._taken, taken
         if not rods or taken > known:
             return ""
-        return f"no survey since rod {rods} was added: stop pumps and rotation at each rod change until it is taken"
+        return (
+            f"no survey since rod {rods} was added: stop pumps and rotation at each rod change until a survey is taken"
+        )
 
     def _write(self) -> None:
         """Append the changes that are not in the log yet; if the disk is full, raise an alarm and continue."""
