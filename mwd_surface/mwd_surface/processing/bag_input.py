@@ -156,7 +156,7 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
         """
         Return the topic with a relative name next to the IMU, else the only topic that can belong to the same well.
 
-        alone : whether the only topic may have any name.
+        The result is None if there is neither. alone : whether the only topic may have any name.
         """
         for relative in relatives if namespace is not None else ():
             if _has(bag, f"{namespace}{relative}", layout):

@@ -335,7 +335,7 @@ def gyro_step(one: Row) -> float:
 
 
 def wrong_gyro(residual: Array) -> Array:
-    """Return the log density, per rad, of the residual of a wrong gyro azimuth; residual: as `gyro_residual`, rad."""
+    """Return the log density, per rad, of the residual, rad, of a wrong gyro azimuth; see `gyro_residual`."""
     rho = math.exp(-_WRONG)
     return np.log((1.0 - rho * rho) / math.tau / (1.0 + rho * rho - 2.0 * rho * np.cos(residual)))
 
