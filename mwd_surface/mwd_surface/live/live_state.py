@@ -383,7 +383,7 @@ class LiveState:
         """
         Return the advised toolface of a slide, its limit, and whether the toolface in force is within this limit.
 
-        None if the advice is not a slide.
+        None if the advice is not a slide, or its toolface is unknown.
         """
         advice = self.parts.advice
         toolface, limit = advice.toolface, abs(advice.limit)
