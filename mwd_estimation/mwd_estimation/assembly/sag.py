@@ -68,7 +68,11 @@ def sag(assembly: Assembly, inclination: float, build: float | None = None) -> f
 
 
 def lie(assembly: Assembly, inclination: float, build: float | None = None) -> tuple[Array, Shape]:
-    """Return the nodes of an assembly, m from the bit, shape (n,), and its shape in the hole; arguments as in `sag`."""
+    """
+    Return the nodes of an assembly in a hole, m from the bit, shape (n,), and their deflection, slope and wall force.
+
+    Arguments and exceptions as in `sag`.
+    """
     curvature = math.radians(assembly.build_deg_30m) / 30.0 if build is None else build
     ends = np.cumsum([part.length_m for part in assembly.components])
     above = np.append(ends[:-1], ends[-1] + _ABOVE)

@@ -41,7 +41,7 @@ MAPPINGS = _signed_permutations()
 """All 48 signed permutations as matrices, shape (3, 3), the identity first."""
 
 _PROPER = [m for m in MAPPINGS if round(float(np.linalg.det(m))) == 1]
-WAYS: Array = np.array(_PROPER, dtype=float)
+ROTATIONS: Array = np.array(_PROPER, dtype=float)
 """The 24 rotations among `MAPPINGS`, shape (24, 3, 3). Each can hold with the attitude from +w or -w: 48 cases."""
 
 
@@ -50,7 +50,7 @@ def _mistakes() -> tuple[Indices, Indices]:
     Return the mistakes of one sensor, and the rank of each.
 
     A mistake is a row (sensor, index in MAPPINGS, case in propagated gravity, case in the propagated field). A case is
-    an index in WAYS, plus 24 for the attitude integrated from -w.
+    an index in ROTATIONS, plus 24 for the attitude integrated from -w.
     """
     index = {m.tobytes(): k for k, m in enumerate(_PROPER)}
     rows, weights = [], []
@@ -60,7 +60,8 @@ def _mistakes() -> tuple[Indices, Indices]:
         by_vector = index[np.ascontiguousarray(sign * m.T).tobytes()]
         rows += [(GYRO, k, by_gyro, by_gyro), (ACCEL, k, by_vector, 0), (MAG, k, 0, by_vector)]
         weight = _contrived(m)
-        # A driver that counts rotation positive the other way reverses all gyros, so all three are as likely as one.
+        # A driver that counts rotation positive in the other direction reverses all three gyros: this mistake is as
+        # likely as one reversed gyro.
         weights += [1 if weight == 2 else weight, weight, weight]
     return np.array(rows, dtype=np.int64), np.array(weights, dtype=np.int64)
 

@@ -119,7 +119,9 @@ def _of(fault: SensorFault) -> str:
 
 
 def _not_provided(fault: SensorFault, sensor: str) -> tuple[str, str]:
-    remedy = f"where the unit has one, let its driver give {_VECTORS[fault.place // 3]}_covariance, or zeros if unknown"
+    remedy = (
+        f"if the unit has this sensor, let the driver send {_VECTORS[fault.place // 3]}_covariance, or zeros if unknown"
+    )
     return f"{_of(fault)}{sensor} is not used: its messages declare it not provided (covariance -1)", remedy
 
 
@@ -127,7 +129,7 @@ def _saturated(fault: SensorFault, sensor: str) -> tuple[str, str]:
     if fault.code == FaultCode.SATURATED:
         remedy = "check the range setting of the sensor; if the fault remains at rest, change the probe"
         return f"{_of(fault)}{sensor} {_axis(fault)} axis is always at the end of its range", remedy
-    remedy = "more than the sensor can read: reduce rotary speed or shocks, or fit a wider range"
+    remedy = "reduce rotary speed or shocks, or use a sensor with a wider range"
     return f"{_of(fault)}{sensor} {_axis(fault)} axis is often at the end of its range", remedy
 
 
@@ -150,7 +152,10 @@ def unit_words(fault: SensorFault) -> str:
 
 def _unit(fault: SensorFault, sensor: str) -> tuple[str, str]:
     s = fault.place // 3
-    return f"{_of(fault)}{sensor} looks like {unit_words(fault)}, not {_SI[s]}", f"convert it to {_SI[s]} in the driver"
+    return (
+        f"{_of(fault)}{sensor} looks like {unit_words(fault)}, not {_SI[s]}",
+        f"convert the samples to {_SI[s]} in the driver",
+    )
 
 
 def _silent(fault: SensorFault, sensor: str) -> tuple[str, str]:
@@ -169,9 +174,9 @@ def _gravity(fault: SensorFault, sensor: str) -> tuple[str, str]:
 
 
 def _sign(fault: SensorFault, _: str) -> tuple[str, str]:
-    remedy = "reverse its signs in the driver: at rest the accelerometer reads up, the magnetometer along the field"
+    remedy = "reverse the signs in the driver: at rest the accelerometer reads up, the magnetometer along the field"
     if 2 in fault.sensors:
-        remedy += "; or correct the reference, where its dip or latitude was given with the wrong sign"
+        remedy += "; or correct the reference, if its dip or latitude was given with the wrong sign"
     if fault.code == FaultCode.POINTS_UP or fault.sensors == (1,):
         remedy = "set tool.mount.accelerometer to down (mwd process: --accelerometer down)"
     if fault.code == FaultCode.POINTS_UP:
@@ -185,7 +190,7 @@ def _frame(fault: SensorFault, _: str) -> tuple[str, str]:
     message = "accelerometer and magnetometer do not belong together: the dip is wrong at the right field strength"
     remedy = "check axes, frame and stamps of both, and the reference field; look for external interference"
     ways = _way_words(_few(fault))
-    return (f"{message}; it fits with {ways}" if ways else message), remedy
+    return (f"{message}; the dip fits with {ways}" if ways else message), remedy
 
 
 def _mount(fault: SensorFault, _: str) -> tuple[str, str]:
@@ -199,7 +204,7 @@ def _mount(fault: SensorFault, _: str) -> tuple[str, str]:
         return f"the string turns about an axis {off:.0f} deg off the unit's x: the unit is mounted askew", remedy
     remedy = f"set tool.mount.imu to {found} (mwd process: --mount {found})"
     return (
-        f"the string turns about the unit's {found[0]} axis: it is mounted {found}, not as tool.mount.imu says",
+        f"the string turns about the unit's {found[0]} axis: the unit is mounted {found}, not as tool.mount.imu states",
         remedy,
     )
 
@@ -258,8 +263,8 @@ _DESCRIPTIONS = {
     FaultCode.INVALID: _Description(
         _plain(
             "{sensor} sends values that are not finite or far outside its range",
-            "check its range in the settings of the tool (tool.gyro.range_deg_s and the like) against its data sheet; "
-            f"{_CABLE}",
+            "compare the range in the settings of the tool (tool.gyro.range_deg_s and the like) with the data sheet of "
+            f"the sensor; {_CABLE}",
         )
     ),
     FaultCode.DEAD: _Description(_dead),
@@ -267,7 +272,8 @@ _DESCRIPTIONS = {
     FaultCode.NEVER_CAME: _Description(
         _plain(
             "no {sensor} data arrives",
-            "connect it, or remap its topic; a tool without one: tool.magnetometer.present false",
+            "connect the sensor, or remap its topic; for a tool without magnetometer set tool.magnetometer.present to "
+            "false",
         ),
         "absent",
         warns=True,
@@ -275,8 +281,8 @@ _DESCRIPTIONS = {
     FaultCode.SILENT: _Description(_silent, "absent"),
     FaultCode.REPEATED: _Description(
         _plain(
-            "{sensor} sends values twice: {fault.value:.0%} repeat the one before",
-            "set the output rate to the sensor's own",
+            "{sensor} sends values twice: {fault.value:.0%} repeat the previous value",
+            "set the output rate to the sampling rate of the sensor",
         ),
         "held",
         0.9,
@@ -300,7 +306,10 @@ _DESCRIPTIONS = {
     FaultCode.MOUNT: _Description(_mount, confidence=0.95),
     FaultCode.GRAVITY: _Description(_gravity, confidence=0.9),
     FaultCode.MISMATCH: _Description(
-        _plain("{sensor} agrees with no axis of the other unit's", "check its scale, its clock and its mounting"),
+        _plain(
+            "{sensor} agrees with no axis of the same sensor in the other unit",
+            "check scale, clock and mounting of the sensor",
+        ),
         confidence=0.9,
     ),
     FaultCode.ADRIFT: _Description(
@@ -314,7 +323,8 @@ _DESCRIPTIONS = {
     FaultCode.REST_RATE: _Description(
         _plain(
             "{sensor} turns at rest by more than the Earth and its bias allow",
-            "check its unit (rad/s) and its calibration; tool.precision.gyro.bias_deg_h is the bias that is allowed",
+            "check unit (rad/s) and calibration of the gyro; tool.precision.gyro.bias_deg_h is the bias that is "
+            "allowed",
         ),
         "unit",
         0.9,

@@ -136,7 +136,11 @@ def kept(held: Samples, more: Samples) -> Samples:
 
 @compiled
 def sizes_of(refused: Samples, sensor: int, start_ns: int, end_ns: int) -> Array:
-    """Return the sizes of the readings of a sensor refused in [start_ns, end_ns), sorted, shape (k,)."""
+    """
+    Return the lengths of the refused vectors of a sensor with stamps in [start_ns, end_ns), sorted, shape (k,).
+
+    Lengths are in the unit in which the sensor sent the vectors.
+    """
     sizes, k = np.empty(len(refused)), 0
     for one in refused:
         if one.sensor == sensor and start_ns <= one.stamp_ns < end_ns:

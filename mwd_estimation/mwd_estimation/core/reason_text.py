@@ -67,11 +67,11 @@ WORDS: dict[Code, str] = {
     Code.TOTALS_OFF_TOGETHER: "total gravity, total field and dip together do not fit: "
     "chi-square {value:.1f}, limit {limit:.1f}",
     Code.WITHIN_LIMITS: "within limits: {causes_listed}",
-    Code.GRAVITY_WITHIN: "total gravity {value:+.1f mG} (limit {limit:.1f mG})",
-    Code.GRAVITY_WITHIN_STANDARD: "total gravity {value:+.1f mG} (limit {limit:.1f mG}) off standard gravity "
-    "(nearer than the place's)",
-    Code.FIELD_WITHIN: "total field {value:+.0f nT} (limit {limit:.0f nT})",
-    Code.DIP_WITHIN: "dip {value:+.2f deg} (limit {limit:.2f deg})",
+    Code.GRAVITY_WITHIN: "total gravity {value:+.1f mG} off the reference (limit {limit:.1f mG})",
+    Code.GRAVITY_WITHIN_STANDARD: "total gravity {value:+.1f mG} off standard gravity (nearer than the place's; "
+    "limit {limit:.1f mG})",
+    Code.FIELD_WITHIN: "total field {value:+.0f nT} off the reference (limit {limit:.0f nT})",
+    Code.DIP_WITHIN: "dip {value:+.2f deg} off the reference (limit {limit:.2f deg})",
     Code.GRAVITY_NOT_EARTH: "total gravity {value:.4g m/s^2} is not the Earth's",
     Code.GRAVITY_IN_G: "total gravity {value:.4g m/s^2} is not the Earth's: a reading in g?",
     Code.FIELD_NOT_EARTH: "total field {value:.0f nT} is not the Earth's",
@@ -95,9 +95,9 @@ WORDS: dict[Code, str] = {
     Code.MAGNETIC_STORM: "magnetic storm: the field at observatory {names[0]} was {value:.0f nT} off its quiet level "
     "(limit {limit:.0f nT}); the reference contains it, survey again when the field is quiet",
     Code.EXTERNAL_FIELD_UNKNOWN: "external field unknown: the file of observatory {names[0]} has no data of this time; "
-    "add them and process again",
+    "add data of this time to the file and process again",
     Code.CORRECTION_NEAR_VERTICAL: "hole only {value:.2f deg} from vertical: axial interference hardly "
-    "turns the azimuth there and the toolface is too uncertain to correct it",
+    "turns the azimuth there and the toolface is too uncertain to correct the azimuth",
     Code.CROSS_AXIAL_MISFIT: "across-axis field does not fit the reference (chi-square {value:.0f}, limit "
     "{limit:.1f}): the disturbance is not axial (casing, nearby well, hot spot in the collar) "
     "or the reference is not this place's",
@@ -122,12 +122,12 @@ WORDS: dict[Code, str] = {
     "move the sensor away or use a gyro",
     Code.FIELD_UNEXPLAINED: "no disturbance explains the magnetic reading (chi-square {value:.0f}, limit {limit:.0f}): "
     "check the magnetometer and the reference field",
-    Code.FIELD_OF_ANOTHER_PLACE: "the field is that of another place, off the reference alike at the stations of the "
-    "run: check latitude, longitude and date of the place, or the reference given",
+    Code.FIELD_OF_ANOTHER_PLACE: "the field fits another place: its deviation from the reference is the same at the "
+    "stations of the run; check latitude, longitude and date of the place, or the reference given",
     Code.REFERENCE_SLIP: "the reference is probably given wrong: the readings ({values[0]:.0f nT}, dip "
-    "{values[1]:.1f deg}) fit {names[0]}; correct it and process again",
+    "{values[1]:.1f deg}) fit {names[0]}; correct the reference and process again",
     Code.SENSOR_DEFECT: "the accelerometers are probably turned in their mount ({value:.0f %}): check the tool at "
-    "surface, change it",
+    "surface, or change the tool",
     Code.MOUNT_MAY_BE_TURNED: "inclination may be off by {value:.1f deg} (1 sigma): the dip fits accelerometers turned "
     "in their mount as well; survey again at another toolface, check the tool at surface",
     Code.READINGS_REPEATED: "the readings are to the last digit those of station {value:.0f} of this run: old data "
@@ -146,15 +146,15 @@ WORDS: dict[Code, str] = {
     "here: the horizontal field is weak, or the string is of steel; use a gyro",
     Code.GYRO_DISAGREES: "gyro and magnetic azimuth disagree ({value:.0f %} probable that the gyro is wrong): "
     "let the tool rest and survey again, at another toolface if it can be turned",
-    Code.PROPAGATED_DISAGREES: "azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from that propagated by the gyros "
-    "since the last accepted station: external magnetic field, or that station was wrong; survey again",
+    Code.PROPAGATED_DISAGREES: "the azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from the azimuth that the "
+    "gyros propagated from the last accepted station: external magnetic field, or that station was wrong; survey again",
     Code.HYPOTHESES: "what disturbs the field: {odds}",
-    Code.GYRO_ONLY_UNCERTAIN: _UNCERTAIN + "it is by the gyro alone; " + _REST,
-    Code.GYRO_NORTH_UNKNOWN: "no gyro azimuth from {names[0]} north because the angle from true north to it is not "
-    "known: complete the settings of place",
+    Code.GYRO_ONLY_UNCERTAIN: _UNCERTAIN + "the azimuth is from the gyro alone; " + _REST,
+    Code.GYRO_NORTH_UNKNOWN: "no gyro azimuth from {names[0]} north because the angle from true to {names[0]} north is "
+    "not known: complete the settings of place",
     Code.SENSOR_FAULT: "{fault}; {remedy}",
-    Code.SENSOR_FAULT_ENDED: "{fault}, until {value:.1f s} after this survey began: take it again",
-    Code.SENSOR_SUSPECT: "the {names[0]} was in doubt while this was averaged: take it again",
+    Code.SENSOR_FAULT_ENDED: "{fault}, until {value:.1f s} after this survey began: take the survey again",
+    Code.SENSOR_SUSPECT: "the {names[0]} was in doubt while this survey was averaged: take the survey again",
     Code.PRECISION_UNIT_FAULT: "{fault}: {remedy}",
     Code.PRECISION_UNIT_SUSPECT: "a check contradicts the precision unit: not used until the cause is known",
     Code.LATITUDE_UNKNOWN: "the latitude is not known: set place.lat_deg and place.lon_deg",
@@ -176,7 +176,8 @@ WORDS: dict[Code, str] = {
     Code.HOLE_AXIS_MOVED: "the tool moved: the hole axis lay elsewhere {value:.0f} times; "
     "keep off bottom and in one place",
     Code.HOLE_AXIS_SWINGS: "the tool shakes: its axis swings by {value:.2f deg}; a still shot needs pumps off",
-    Code.VERTICAL_HOLE: "inclination {value:.1f deg}: a vertical hole has no azimuth; use the scribe line's",
+    Code.VERTICAL_HOLE: "inclination {value:.1f deg}: a vertical hole has no azimuth; "
+    "use the azimuth of the scribe line",
     Code.EAST_WEST_HOLE: "the hole lies within {value:.0f deg} of horizontal east-west (azimuth about "
     "{values[0]:.0f deg}): turning the tool about its axis does not show north there; "
     "take a still shot with a known gyro bias",

@@ -27,7 +27,7 @@ class Transmit:
     flow_hold_s: float = setting(
         FLOW_HOLD_S,
         "Time for which the flow must stay above or below the threshold of the tool configuration before it counts as "
-        "on or off. A larger value ignores longer interruptions and delays each transmission by the same time.",
+        "on or off. A larger value ignores longer interruptions, but delays each transmission by the same time.",
         unit="s",
         low=0.0,
         high=60.0,

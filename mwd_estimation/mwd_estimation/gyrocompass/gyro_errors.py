@@ -61,8 +61,8 @@ class GyroErrors:
     """Bias, ramp and g-sensitivity of the gyros as k Gaussians, one or more for each kind of unit."""
 
     log_weight: Array  #: shape (k,)
-    #: shape (k, 3); kind of unit: index of the scale of the stated bias, or `_EARLIER` or `_NOW`, and indices of the
-    #: scales of the stated drift and of the stated g-sensitivity.
+    #: shape (k, 3); kind of unit as three indices: of the scale of the stated bias (or `_EARLIER` or `_NOW`), of the
+    #: scale of the stated drift, and of the scale of the stated g-sensitivity.
     kind: Indices
     #: `mean`, `covariance`: shapes (k, 10) and (k, 10, 10), of biases x, y, z, rad/s, their ramps, rad/s^2, and
     #: g-sensitivity along, across, stretch and shear, rad/s per m/s^2.

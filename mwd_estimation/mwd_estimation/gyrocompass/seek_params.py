@@ -28,8 +28,8 @@ _AVERAGED, _SHAKEN = 10, 1.5
 _NOISIER = 1.25
 # Share of the range above which a gyro counts as clipped.
 _CLIPS_FROM = 0.98
-# Smallest 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour, so that the Gaussians are not degenerate; and time
-# whose drift is added to the stated bias, h.
+# Smallest 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour, so that the Gaussians are not degenerate; and
+# time, h, for which the stated drift is added to the stated bias.
 LEAST_BIAS, _LEAST_RAMP, _DRIFTED_H = 1e-6, 1e-9, 1.0
 # Start sigma of the biases in a seek, as a multiple of the stated sigma: four times the largest credible sigma, because
 # `gyro_errors` replaces this prior by the prior of the run. A larger sigma would let bias and scale of the x gyro,

@@ -79,7 +79,7 @@ def too_short(elapsed: float, shortest: float) -> Reason:
 
 
 def gyro_clipped(params: SeekParams, clipped: int, samples: int) -> Reason | None:
-    """Return the refusal if gyros clipped in too many samples; clipped, samples: numbers of clipped and all samples."""
+    """Return the refusal, or None, for `clipped` samples in which a gyro clipped, of the number `samples` of all."""
     if clipped <= _CLIPPED_SHARE * samples:
         return None
     given = (float(samples), math.radians(params.gyro_range_dps))
@@ -94,7 +94,11 @@ def vertical_hole(inclination: float) -> Reason | None:
 
 
 def motion(params: SeekParams, state: SeekState, method: str) -> Reason | None:
-    """Return the refusal for clipped gyros, a short seek, a motion other than the mode, or a moving hole axis."""
+    """
+    Return the refusal of a seek because of its motion; None if the motion allows a north seek.
+
+    Reasons: clipped gyros, a short seek, a motion that does not suit the mode of the seek, or a hole axis that moved.
+    """
     elapsed, turning, mode = float(state.elapsed), float(state.turn_time), params.mode
     clipped = gyro_clipped(params, state.clipped, state.samples)
     if clipped is not None:
@@ -147,7 +151,7 @@ def _latitude(params: SeekParams, fit: Fit) -> Reason | None:
 
 
 def _instrument(params: SeekParams, state: SeekState, fit: Fit) -> Reason | None:
-    """Return the refusal if an error of the instrument is far outside its stated range."""
+    """Return the refusal if an error of the instrument is far outside its stated range; otherwise None."""
     bias, scale, leak = Code.GYRO_BIAS_EXCESSIVE, Code.GYRO_SCALE_EXCESSIVE, Code.GYRO_LEAK_EXCESSIVE
     x, y, z = (sigma * DEG_PER_HOUR for sigma in params.bias_sigma_deg_h)
     stated = (

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mwd_estimation.core.axis_mappings import WAYS
+from mwd_estimation.core.axis_mappings import ROTATIONS
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import rotate_right
@@ -38,12 +38,12 @@ def attitudes(turns: Array, scale: float) -> Array:
 
 class Window:
     """
-    Carried vectors of a window under each way to exchange and reverse axes (the 48 cases of `axis_mappings`).
+    Carried vectors of a window in each of the 48 cases of exchanged and reversed axes (`axis_mappings`).
 
     Attributes
     ----------
     force, field : ndarray, shape (48,)
-        Squared length of the mean carried force and field for each way, in the squared units of the sensors.
+        Squared length of the mean carried force and field in each case, in the squared units of the sensors.
     force_deg, field_deg : float
         Squared length of the mean carried force and field if the gyros send deg/s.
     force_fixed, field_fixed : float
@@ -55,7 +55,7 @@ class Window:
     product : ndarray, shape (3, 3)
         Mean of force component i times field component j.
     part_force : ndarray, shape (parts, 48, 3)
-        Mean carried force of each half second for each way.
+        Mean carried force of each half second in each case.
     mean_force : ndarray, shape (3,)
         Mean force in tool axes.
     push : float
@@ -84,8 +84,8 @@ class Window:
         for sign in (1.0, -1.0):
             mats = attitudes(turn, sign)
             carried = np.add.reduceat(np.einsum("nab,nj->nabj", mats, force), starts)
-            by_part.append(np.einsum("wbj,pabj->pwa", WAYS, carried))
-            in_all.append(np.einsum("wbj,abj->wa", WAYS, np.einsum("nab,nj->abj", mats, field)))
+            by_part.append(np.einsum("wbj,pabj->pwa", ROTATIONS, carried))
+            in_all.append(np.einsum("wbj,abj->wa", ROTATIONS, np.einsum("nab,nj->abj", mats, field)))
         sums = np.concatenate(by_part, axis=1)
         self.part_force = sums / np.maximum(part_forces, 1)[:, None, None]
         self.whole_parts = bool((part_forces > 0).all())
@@ -104,9 +104,9 @@ class Window:
         product = np.einsum("ni,nj->ij", force[both], field[both] / counts[both, None])
         self.product = product / max(int(steps["forces"][both].sum()), 1)
 
-    def noise(self, way: int) -> float:
-        """Return 1 sigma of the mean carried force of a way along one axis, from the scatter of the half seconds."""
-        parts = self.part_force[:, way]
+    def noise(self, case: int) -> float:
+        """Return 1 sigma of the mean carried force of a case along one axis, from the scatter of the half seconds."""
+        parts = self.part_force[:, case]
         if len(parts) < 2 or not self.whole_parts:
             return math.inf
         return math.sqrt(float(parts.var(axis=0).sum()) / (3.0 * (len(parts) - 1)))

@@ -5,7 +5,8 @@ Check units, axes and signs with a window of motion: gravity and field, rotated 
 Such errors are made at installation and are constant for a run. Units follow from the lengths of gravity and field,
 axes from the mappings that explain both, signs and frames from the dip if the reference dip is known. The observations
 are recorded in the checks of `fault_debounce`. A vector is called carried if the gyros rotate it to the axes at the
-start of the window; a way is one of the 48 cases to exchange and reverse axes (`axis_mappings`).
+start of the window; a case is one of the 48 cases of exchanged and reversed axes (`axis_mappings`). A case explains a
+vector if the mean of the vector, carried with the axes of the case, has the length that is expected.
 """
 
 from __future__ import annotations
@@ -51,16 +52,17 @@ _PARTS_OF_ONE = 1e6  # scale with which components of a direction are stored as 
 class WindowLimits(NamedTuple):
     """Limits of the checks of motion; their effects are listed in docs/methods/sensor_health_ablation.md."""
 
-    #: `fits`, `rejects`: relative difference of the length of the mean carried force from gravity. A way explains
+    #: `fits`, `rejects`: relative difference of the length of the mean carried force from gravity. A case explains
     #: gravity if the difference is below `fits` plus 3 sigma; it is rejected if the difference is above `rejects` plus
     #: 6 sigma.
     fits: float = 0.06
     rejects: float = 0.12
-    #: A way is better than another if its squared mean force is larger by this share of squared gravity plus 2.2 sigma.
+    #: A case is better than another if its squared mean force is larger by this share of squared gravity plus 2.2
+    #: sigma.
     margin: float = 0.05
     quiet: float = 0.08  #: largest 1 sigma of the mean force, as a share of gravity, at which axes are checked
     #: `field_held`, `field_better`: smallest ratio of the squared mean carried field to the mean squared field for the
-    #: best way, and smallest difference of this ratio between the best way and the present axes.
+    #: best case, and smallest difference of this ratio between the best case and the present axes.
     field_held: float = 0.93
     field_better: float = 0.1
     #: `dip`, `dip_frame`: difference of the dip from the reference, rad. Interference may cause less than `dip`; more
@@ -73,7 +75,7 @@ class WindowLimits(NamedTuple):
     #: log-likelihood for no gravity is larger by more than `variances`.
     no_gravity: float = 0.35
     variances: float = 6.0
-    #: `field_lost`, `gravity_lost`: the gyros do not follow the rotation of the tool if, under the best way, the
+    #: `field_lost`, `gravity_lost`: the gyros do not follow the rotation of the tool if, in the best case, the
     #: squared mean carried field is below this share of the mean squared field, and the mean carried force is below
     #: this share of gravity.
     field_lost: float = 0.85
@@ -84,9 +86,9 @@ class WindowLimits(NamedTuple):
 
 @dataclasses.dataclass
 class MappingEvidence:
-    """Evidence of one vector, gravity or field, for the ways to exchange and reverse axes."""
+    """Evidence of one vector, gravity or field, for the cases of exchanged and reversed axes."""
 
-    #: bool, shape (48,); the ways that explain the vector.
+    #: bool, shape (48,); the cases that explain the vector.
     fits: Flags = dataclasses.field(default_factory=lambda: np.zeros(48, dtype=np.bool_))
     #: `judged`, `bad`, `confirms`, `degrees`: whether the vector can be evaluated, rejects the present axes, confirms
     #: the present axes, and is explained by gyros that send deg/s.
@@ -152,7 +154,7 @@ class WindowJudge:
     def _judge_units(self) -> None:
         w, gravity = self._window, self._expected.gravity
         if w.forces >= _FEW_FORCES // 4 and self._samples[1] < BROKEN:
-            # Even if axes are wrong, at least one way gives nearly the right length of the mean carried force.
+            # Even if axes are wrong, at least one case gives nearly the right length of the mean carried force.
             carried = np.sqrt([*w.force, w.force_deg, w.force_fixed]) / gravity
             rms = math.sqrt(w.force2)
             if rms < 0.7 * gravity and bool((np.abs(STANDARD_GRAVITY * carried - 1.0) < 0.15).any()):
@@ -184,7 +186,12 @@ class WindowJudge:
         return max(1.2 * own, 0.004 * math.sqrt(w.force[best]))
 
     def _show_force(self) -> None:
-        """Find the ways that explain gravity: with wrong axes, the carried forces spread and the mean is too short."""
+        """
+        Find the cases in which the mean carried force is as long as gravity; store the result in `self._force`.
+
+        With wrong axes, the forces that the gyros rotate to the start of the window spread, and their mean is too
+        short.
+        """
         p, sigma, shown = self._limits, self._sigma, self._force
         length2 = self._window.force / self._length**2
         if sigma >= p.quiet or math.sqrt(length2[0]) - 1.0 > p.rejects + 6.0 * sigma:
@@ -192,8 +199,7 @@ class WindowJudge:
         off = np.sqrt(np.maximum(length2 - 3.0 * sigma**2, 0.0)) - 1.0
         near = np.abs(off) < p.fits + 3.0 * sigma
         top = float(length2[near].max()) if near.any() else 0.0
-        # Two ways have the force along the axis of rotation in common, and the noise of this force cancels between
-        # them.
+        # The force along the axis of rotation is the same in two cases, and its noise cancels in their difference.
         margin = p.margin + 2.2 * sigma
         shown.fits = near & (length2 > top - margin)
         shown.judged = True
@@ -206,7 +212,11 @@ class WindowJudge:
         shown.degrees = abs(as_degrees) < p.fits + 3.0 * sigma
 
     def _show_field(self) -> None:
-        """Find the ways that explain the field: with wrong axes, the samples of the carried field spread."""
+        """
+        Find the cases in which the samples of the carried field spread least; store the result in `self._field`.
+
+        With wrong axes, the samples that the gyros rotate to the start of the window spread.
+        """
         p, w, shown = self._limits, self._window, self._field
         if self._samples[2] != WHOLE or w.fields < _FEW_FIELDS or w.field2 <= 0.0:
             return
@@ -232,7 +242,7 @@ class WindowJudge:
         if self._force.fits.any():
             self._note(FaultCode.GRAVITY, 3, AGAINST)
             return AGAINST
-        # While the axes are not known to be right, use the longest and the shortest mean force of all ways.
+        # While the axes are not known to be right, use the longest and the shortest mean force of all cases.
         known = self._checks[FaultCode.AXES, 0].state == OK
         most, least = (w.force[0], w.force[0]) if known else (w.force.max(), w.force.min())
         seen = self._no_gravity(math.sqrt(most), math.sqrt(least))

@@ -51,7 +51,7 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int, lately: bool = True) 
         "gaps, repeated stamps, sensor faults: see the other entries of this node": counters.rejected,
         "magnetic samples come later than those of the IMU: raise tool.magnetometer.delay_s": counters.late_mag,
         "look for a pulsed current near the magnetometer, or a loose plug": counters.spikes,
-        "one sensor's time went back or ahead alone: stamp all sensors by one clock": pipeline.of_no_time,
+        "the stamps of only one sensor jumped: stamp all sensors with one clock": pipeline.of_no_time,
         "is another type of message published?": unreadable,
     }
     remedy = "; ".join(words for words, count in remedies.items() if count)
@@ -66,7 +66,7 @@ def input_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
         found.append(Diagnostic("samples of the imu", WARN, message, remedy))
     if pipeline.temperature.outside_now:
         message = f"{pipeline.temperature.last:.0f} degC is outside of the calibration: the sigmas are widened"
-        remedy = "cool the tool, or calibrate it at that temperature and set tool.calibrated_c"
+        remedy = "cool the tool, or calibrate the tool at that temperature and set tool.calibrated_c"
         found.append(Diagnostic("temperature", WARN, message, remedy))
     delay = magnetic_delay.in_words(pipeline.mag_late_ns)
     if delay:
@@ -107,7 +107,7 @@ def sensor_diagnostics(pipeline: Pipeline, *, has_azimuth: bool) -> list[Diagnos
     for k, fault in enumerate(faults):
         said = describe(fault)
         replaced = has_azimuth and fault.unusable != 0 and not fault.unusable & (GYRO | ACCEL)
-        message = f"{said.message}; the azimuth goes on without it" if replaced else said.message
+        message = f"{said.message}; the azimuth is computed without this sensor" if replaced else said.message
         values = (
             ("kind", said.kind),
             ("sensor", said.sensor),

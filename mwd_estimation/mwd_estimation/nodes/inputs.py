@@ -284,7 +284,7 @@ class InputTopics:
             too_small = {vector: note for vector, note in self._noise.not_credible.items() if vector in vectors}
             for vector, note in {**too_small, **self._covariances.get(topic, {})}.items():
                 message = input_covariance.sentence(topic, vector, note)
-                remedy = "give its covariance, or zeros where it is unknown"
+                remedy = "send the covariance, or zeros if the covariance is unknown"
                 found.append(Diagnostic(f"covariance {topic} {vector}", WARN, message, remedy))
         return found
 
@@ -295,9 +295,9 @@ class InputTopics:
             Diagnostic(
                 f"frame {topic}",
                 ERROR,
-                f"{topic} comes in frames {self.frames[topic]!r} and {frame!r}: two units publish it, "
-                "and that of the second frame is not used",
-                "stop one of them, or give each its own namespace",
+                f"{topic} comes in frames {self.frames[topic]!r} and {frame!r}: two units publish "
+                "this topic, and the samples in the second frame are not used",
+                "stop one of the two units, or give each unit its own namespace",
             )
             for topic, (frame, at) in self._foreign.items()
             if frame != self.frames[topic] and now - at < _FOREIGN_S

@@ -57,7 +57,7 @@ class QualitySettings:
     far_probability: float = setting(
         0.007,
         "Largest probability of an error above far_deg with which an azimuth is accepted. Raising it accepts more "
-        "stations near interference, and more of them have a large error.",
+        "stations near interference, but more of the accepted stations have a large error.",
         low=0.0001,
         high=0.5,
         expert=True,

@@ -280,7 +280,11 @@ class RunModel:
                 self._told[name] = now
 
     def _lay_before(self, one: Row) -> int | None:
-        """Return the index in `_lay` of the last station with the same attitude of the tool; None if there is none."""
+        """
+        Return the index in `_lay` of the last station at which the tool lay as at the station `one`; None if unknown.
+
+        The directions of force and field at the two stations differ by less than `_STAYED`.
+        """
         if not self._lay:
             return None
         apart = np.linalg.norm(np.array(self._lay) - np.array(_directions(one)), axis=2)

@@ -17,8 +17,8 @@ class SurveySettings:
     automatic: bool = setting(True, "Take a survey automatically in each interval in which the tool is at rest.")
     settle_s: float = setting(
         2.0,
-        "Time for the string to settle before averaging. Raising it delays each survey and leaves out more of the "
-        "string's swinging.",
+        "Time for the string to settle before averaging. Raising it leaves out more of the string's "
+        "swinging, but delays each survey.",
         unit="s",
         low=0.0,
         high=120.0,

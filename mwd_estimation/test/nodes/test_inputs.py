@@ -154,7 +154,7 @@ def test_a_second_unit_on_a_topic_is_named_and_left_out_and_leaves_no_trace(monk
         assert send(*((own, "foreign"), ("foreign", own), ("foreign",))[k % 3]) == int(k % 3 < 2)
         assert inputs.mount_key == key
         (found,) = inputs.frame_diagnostics()
-        assert "two units publish it" in found.message
+        assert "two units" in found.message
         assert own in found.message
         assert "foreign" in found.message
     for _ in range(60):

@@ -228,7 +228,7 @@ def test_a_fault_that_ended_during_a_survey_is_reported_with_how_long_it_lasted(
     station = record.judge(survey).station
     assert station.verdict == "reject"
     assert text(station.reasons[0]) == (
-        "accelerometer is dead: it sends only zeros, until 2.5 s after this survey began: take it again"
+        "accelerometer is dead: it sends only zeros, until 2.5 s after this survey began: take the survey again"
     )
 
 

@@ -91,7 +91,7 @@ class MountSettings:
         "Axes of the conventional unit in the tool: the axis that points down-hole (x-down, x-up, y-down, y-up, "
         "z-down, z-up), nine numbers (rows of the matrix from unit to tool axes), a quaternion x,y,z,w from unit to "
         f"tool, or tf (static transforms to the frame {wire.SONDE_FRAME}). Set it if the unit's x axis is not the "
-        "tool's; the sensor health reports a wrong one.",
+        "tool's; the sensor health reports wrong axes.",
     )
     mag: str = setting(
         AS_IMU,

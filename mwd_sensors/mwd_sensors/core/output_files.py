@@ -24,7 +24,8 @@ def write_whole(path: Path, data: bytes | str, *, lasting: bool = True) -> None:
     Raises
     ------
     OSError
-        The folder does not exist or the disk cannot store the file; the existing file is unchanged.
+        The folder does not exist or the disk cannot store the file. `path` is then the old file or, if only the sync of
+        the folder failed, the new file.
     """
     draft = path.with_name(f".{path.name}.writing")
     try:

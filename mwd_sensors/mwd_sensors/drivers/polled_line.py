@@ -242,7 +242,9 @@ PROBE_QUANTITIES = (TIME, STATUS, *(name for names in NAMES.values() for name in
 
 def check(data: bytes, frame: PolledFrame) -> bytes:
     """Return the CRC-16 of bytes in the order of the frame."""
-    number: int = FramerRTU.compute_CRC(data)  # has its two bytes swapped: big endian writes the low byte first
+    number: int = FramerRTU.compute_CRC(
+        data
+    )  # pymodbus returns the two bytes swapped: big endian writes the low byte first
     return number.to_bytes(_CHECK_BYTES, "big" if frame.check_order == "low_first" else "little")
 
 

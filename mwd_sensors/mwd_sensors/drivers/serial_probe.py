@@ -83,12 +83,12 @@ class LineSettings:
 
 def polled_frame(settings: LineSettings) -> polled_line.PolledFrame:
     """
-    Return the frame of the protocol polled.
+    Return the frame for the protocol "polled": the frame in `frame_file`, or the default frame if no file is set.
 
     Raises
     ------
     ValueError
-        The file cannot be used, or `clock` is unit and the replies have no time of the unit.
+        The file cannot be used, or `clock` is "unit" and the replies in the file do not contain the time of the unit.
     OSError
         The file cannot be read.
     """

@@ -98,7 +98,7 @@ class SondeSettings:
         0,
         "Number of samples in one message of imu/burst and gyro/burst, which then replace imu/data_raw and "
         "gyro/data_raw. 0 sends one message per sample. Raise it for units beyond 1 kHz: larger bursts cost less "
-        "computing time and arrive later.",
+        "computing time, but arrive later.",
         low=0,
         high=burst.MOST,
         fixed=True,

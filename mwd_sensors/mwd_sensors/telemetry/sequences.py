@@ -78,7 +78,7 @@ def parse(text: str, words: Mapping[str, Word] = COMMON) -> tuple[SequenceItem, 
     if len(levels) > 1:
         raise ValueError(f"sequence: {len(levels) - 1} braces are not closed")
     if not levels[0][1]:
-        raise ValueError("sequence: it names no word")
+        raise ValueError("sequence: at least one word is needed; write NAME, NAME:BITS or NAME:BITS:P")
     return tuple(levels[0][1])
 
 

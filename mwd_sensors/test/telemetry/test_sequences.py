@@ -31,7 +31,7 @@ def test_what_is_written_is_read_back(given_items):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("", "no word"),
+        ("", "at least one word"),
         ("Inc:12:Q", "cannot read"),
         ("Incl:12:P", "did you mean Inc"),
         ("2{Inc:12", "not closed"),

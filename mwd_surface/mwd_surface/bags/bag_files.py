@@ -117,7 +117,7 @@ class BagFiles:
             raise
 
     def close(self) -> None:
-        """Close the files."""
+        """Close the files, also those of `other`, and delete the temporary folder of unpacked files."""
         for file, _ in self.mcap:
             file.close()
         self.mcap = []
@@ -133,9 +133,7 @@ class BagFiles:
         files, about = self._directory()
         if not files:
             reason = f" ({'; '.join(self.notes)})" if self.notes else ""
-            raise BagError(
-                f"{self.path} holds no recording{reason}", "a bag has .mcap or .db3 files and a metadata.yaml"
-            )
+            raise BagError(f"{self.path} holds no recording{reason}", "give a folder with .mcap or .db3 files")
         files = self._of_one_storage(files, about.storage if about else "")
         self.files, self.size_bytes = files, sum(file.stat().st_size for file in files)
         if self.storage == "mcap":

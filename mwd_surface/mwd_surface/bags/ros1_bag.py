@@ -162,7 +162,11 @@ class _AnyReader(Reader):
     def _message_at(
         self, chunk: BytesIO, entry: IndexData, known: Mapping[int, Connection]
     ) -> tuple[Connection, int, bytes]:
-        """Return the message to which an entry of the index points."""
+        """
+        Return connection, time, ns, and bytes of the message to which an entry of the index points.
+
+        Raises ReaderError if the entry does not point to a message of a known connection.
+        """
         chunk.seek(entry.offset)
         while (header := Header.read(chunk)).get_uint8("op") == RecordType.CONNECTION:
             chunk.seek(struct.unpack("<L", read_bytes(chunk, 4))[0], 1)

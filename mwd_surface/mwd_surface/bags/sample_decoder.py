@@ -110,9 +110,9 @@ class SampleDecoder:
 
     def _from_vectors(self, name: str, part: MessagePart, some: tuple[str, ...] | None) -> tuple[Stamps, Samples]:
         """
-        Return samples of an IMU or a magnetometer from messages that hold one vector.
+        Return log times, ns, and samples of an IMU or a magnetometer from messages with one vector.
 
-        The vector of the IMU that the messages do not hold is marked as absent.
+        Samples of an IMU also have the other vector; it is marked as absent.
         """
         quantity = self._topics[name].quantity
         log_ns, vectors = self._from_messages(name, wire.VECTOR, part, None)
@@ -132,7 +132,7 @@ class SampleDecoder:
     def _from_rows(
         self, name: str, layout: wire.Layout, part: MessagePart, some: tuple[str, ...] | None
     ) -> tuple[Stamps, Samples]:
-        """Return the samples of messages that all have the same size."""
+        """Return log times, ns, and samples of messages that all have the same size."""
         size = int(part.size[0])
         rows = rows_at(part.data, part.offset, size)
         try:

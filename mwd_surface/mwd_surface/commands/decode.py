@@ -82,7 +82,7 @@ def decode(
     if configuration.code in tool_configuration.PULSE_CODES and not any(w.status == BELIEVED for w in got.words):
         width = other_width.sent_width(configuration, read.time_s, read.pressure_pa, counted)
         if width is not None:
-            terminal.warn(f"{other_width.sentence(configuration, width)}; the file is decoded with it")
+            terminal.warn(f"{other_width.sentence(configuration, width)}; the file is decoded with {width:.3g} s")
             configuration = dataclasses.replace(configuration, pulse_width_s=width)
             receiver = receivers.receiver_of(configuration)
             got = _received(receiver, read, counted)

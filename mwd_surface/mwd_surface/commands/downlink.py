@@ -108,7 +108,14 @@ def watch(
 
 
 def _shown(message: dict[str, Any], before: str) -> str:
-    """Print the line of a state unless it equals `before`; return the line, or exit if the command has ended."""
+    """
+    Print the line of a state unless it equals `before`; return the line.
+
+    Raises
+    ------
+    typer.Exit
+        The downlink command has ended; the exit status is 0 if the tool confirmed it, else 1.
+    """
     line, word = _line(message), _STATES[message["state"]]
     if line != before:
         typer.echo(say(line))

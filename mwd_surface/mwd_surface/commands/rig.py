@@ -69,7 +69,7 @@ def status(
             )
         if not running:
             where = ", ".join(str(place) for place in places)
-            console.print(f"no running graph has its folder below {where}", markup=False)
+            console.print(f"no status of a running surface node was found below {where}", markup=False)
             console.print("start a graph with `mwd run`, or name the folder of a surface node", markup=False)
     raise typer.Exit(0 if running else 1)
 

@@ -138,7 +138,11 @@ def _play(player: Player, asked: Playing, server: PageServer) -> None:
 
 
 def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
-    """Return the plan of a file, read with the settings of --plan-set, or else the plan or design in the recording."""
+    """
+    Return the plan of a file, or else the plan or design that the recording names; None if there is no plan.
+
+    path, said: values of --plan and --plan-set.
+    """
     from mwd_surface.commands import terminal
     from mwd_surface.commands.list_options import read_plan_option
     from mwd_surface.list_files.list_error import ListFileError

@@ -115,7 +115,12 @@ class ModbusPeer:
         return self.write(_COMMAND, block(lease, sequence, point))
 
     def release(self, lease: int) -> bool:
-        """Give a lease back with the controller number of its request, or else with the owner's public number."""
+        """
+        Give a lease back; return whether the interface accepted the request.
+
+        The request names the controller number with which the lease was requested, or, if another client requested it,
+        the public number of the owner.
+        """
         own = self.client.read_input_registers(_STATE + 4, count=1, device_id=self._interface.unit).registers[0]
         return self.write(_REQUEST, (_RELEASE, self._names.get(lease, own), 0, 0))
 

@@ -113,7 +113,10 @@ def blocked(
     rules = (
         (bool(readings.no_control), readings.no_control),
         (readings.rig_age_s > _RIG_SILENT_S, "no data from the rig for 2 s"),
-        (readings.in_slips is None or readings.in_slips, "the string is in slips, or the rig does not report it"),
+        (
+            readings.in_slips is None or readings.in_slips,
+            "the string is in slips, or the rig does not report the slips",
+        ),
         (stalled, "the motor stalls: the pressure is far above its usual value at this flow"),
         (
             readings.pressure is None or readings.pressure > settings.pressure_high_bar * _BAR,

@@ -275,8 +275,8 @@ class Machine:
             self._go(DownlinkState.CONFIRMED, text, "", now)
         elif self.state == DownlinkState.SENT:
             text = (
-                f"{self.about}: the tool repeats this command, but perhaps an earlier one with the same code, as its "
-                "answer to earlier commands is not known; send it again to be certain"
+                f"{self.about}: the tool repeats this command, or an earlier command with the same code whose answer "
+                "is not known; send the command again to be certain"
             )
             self._go(DownlinkState.UNCONFIRMED, text, "", now)
 

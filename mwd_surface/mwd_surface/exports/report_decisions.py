@@ -52,7 +52,7 @@ def verdicts(table: SurveyTable) -> Section | None:
 
 def decisions(table: SurveyTable) -> Section | None:
     """
-    Return the section with the decisions on each survey, and with flags and remarks.
+    Return the section with the decisions on each survey, and with flags and remarks; None if there is nothing to list.
 
     The first decision is automatic; changes by later surveys of the run and the decisions of people follow.
     """

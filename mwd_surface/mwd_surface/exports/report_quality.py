@@ -29,9 +29,9 @@ _TINT_LEGEND = (
     "its left."
 )
 _RUN_LEGEND = (
-    "rms: of the deviations of the surveys in use from their references, as judged. Axial: mean field of the drill "
-    "string along the tool, and its spread. 1σ: median of the surveys in use. Azi accepted: share of the surveys that "
-    "determine an azimuth."
+    "rms: root mean square of the deviations of the surveys in use from their references, with the values as judged. "
+    "Axial: mean field of the drill string along the tool, and its spread, over the surveys in use. Inc 1σ, Azi 1σ: "
+    "median of the surveys in use. Azi accepted: accepted azimuths as a share of all azimuths that were determined."
 )
 # Columns of the tables: title and unit.
 _STATION = (

@@ -385,9 +385,10 @@ def _tied(surveys: SurveyList, path: Definitive) -> str:
     t, angles = surveys.find_leg(path.leg).tie_on, surveys.well.angles
     if path.kind[0] == ASSUMED:
         return "not given"
+    angle = fixed(angles.shown(t.inclination) * _DEG, 2)
     return (
-        f"{t.source}, {fixed(t.measured_depth, 2)} m MD, {fixed(angles.shown(t.inclination) * _DEG, 2)} deg,"
-        f" {fixed(t.azimuth * _DEG, 2, 360.0)} deg"
+        f"{t.source}, {fixed(t.measured_depth, 2)} m MD, {angles.heading} {angle} deg,"
+        f" Azi {fixed(t.azimuth * _DEG, 2, 360.0)} deg"
     )
 
 

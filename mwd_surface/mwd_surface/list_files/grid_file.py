@@ -100,7 +100,7 @@ def archive_sheets(data: bytes, name: str) -> Sheets:
 
 
 def _check_archive(data: bytes, name: str) -> None:
-    """Refuse an archive that is not a spreadsheet, or that unpacks to more than memory and time allow."""
+    """Refuse an archive that is not an .xlsx workbook, or that unpacks to more than memory and time allow."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             names = set(archive.namelist())

@@ -373,7 +373,7 @@ class ListColumn:
     """
     One column: its index, its name, and its quantity ("" if the list reader does not read this quantity).
 
-    unit, north: as the name states, else "". strange: words of the name that were not understood.
+    unit, north: unit and north that the name states, or "". strange: words of the name that were not understood.
     """
 
     number: int

@@ -785,7 +785,7 @@ class _ListReader:
         first = rows[0]
         if first.texts.get("coordinates") != "assumed" or first.texts.get("station", "tie-on") not in _START_ROWS:
             return None
-        text = f"{self.name}: its coordinates depend on an assumption, as its column coordinates states"
+        text = f'{self.name}: the coordinates depend on an assumption: the column "coordinates" begins with "assumed"'
         remark = Remark(RemarkKind.TIE_ON_ASSUMED, text, {"measured_depth": first.numbers["md"]})
         md, inclination, azimuth = (first.numbers.get(what, 0.0) for what in NEEDED)
         north, east = (first.numbers.get(what, 0.0) for what in _LOCAL)
@@ -829,7 +829,9 @@ class _ListReader:
             raise ListFileError(f"{self.name}: azimuths from {strange!r}: not understood; say their north with --north")
         if len(norths) > 1:
             words = " and ".join(sorted(norths))
-            raise ListFileError(f"{self.name}: azimuths from {words} north in one list; export it as one")
+            raise ListFileError(
+                f"{self.name}: one list has azimuths from {words} north; export the list with one north"
+            )
         column = self.columns["azimuth"]
         if column.strange and not (column.north or norths or self.given.angle_unit):
             raise ListFileError(
@@ -896,7 +898,11 @@ class _ListReader:
         return shifted[:, 0], shifted[:, 1]
 
     def _in_axes(self, angles: tuple[Array, Array, Array], positions: Array, north: str) -> Array:
-        """Rotate map coordinates, which follow a grid, to the north of the azimuths if they then fit the angles."""
+        """
+        Rotate map coordinates from grid north to the north of the azimuths if the path of the angles then fits them.
+
+        Coordinates that fit already, or would have to be rotated by more than 6 deg, are returned unchanged.
+        """
         offset = float(np.hypot(*positions[0, :2]))
         if fits(angles, positions):
             if offset > _OFFSET:

@@ -42,7 +42,7 @@ def p7_table(text: str, name: str) -> Table:
     """
     units, norths, map_units = set(), set(), set()
     rows: list[Row] = []
-    projected = others = 0
+    left_out = 0
     table = ""
     wellhead: tuple[str, str] | None = None
     eastings_first = False
@@ -63,9 +63,9 @@ def p7_table(text: str, name: str) -> Table:
             wellhead = fields[5], fields[6]
         elif fields[0] == "P7" and len(fields) > _FIRST + 2:
             table = table or fields[2]
-            others += fields[2] != table
-            projected += fields[_STATUS] == _PROJECTED
-            if fields[2] == table and fields[_STATUS] != _PROJECTED and (fields[_STATUS] != "0" or not rows):
+            if fields[2] != table or fields[_STATUS] == _PROJECTED:
+                left_out += 1
+            elif fields[_STATUS] != "0" or not rows:
                 cells = tuple(fields[_FIRST : _FIRST + len(_NAMES)])
                 rows.append(Row(f"{name}, line {number}", cells))
     if not rows:
@@ -76,9 +76,9 @@ def p7_table(text: str, name: str) -> Table:
     unit, chart = units.pop() if units else "", map_units.pop() if len(map_units) == 1 else ""
     north = norths.pop() if norths else ""
     remarks = []
-    if projected or others:
-        said = f"{name}: {projected + others} P7 records that are projections or of other tables are left out"
-        remarks.append(Remark(RemarkKind.ROWS_LEFT_OUT, said, {"rows": float(projected + others)}))
+    if left_out:
+        said = f"{name}: {left_out} P7 records that are projections or of other tables are left out"
+        remarks.append(Remark(RemarkKind.ROWS_LEFT_OUT, said, {"rows": float(left_out)}))
     columns = (unit, "deg", "deg", unit, unit, unit, chart or unit, chart or unit)
     head = [f"azimuth reference: {north}"] if north else []
     axes = ("easting", "northing") if eastings_first else ("northing", "easting")

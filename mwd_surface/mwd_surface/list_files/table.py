@@ -350,7 +350,11 @@ def _header_in(grid: Sequence[Row], is_header: Header | None) -> tuple[int, int]
 
 
 def _with_above(grid: Sequence[Row], k: int, count: int, is_header: Header) -> tuple[int, int]:
-    """Extend the rows of names from row k upwards as long as the rows above raise the score of the names."""
+    """
+    Extend the `count` rows of names, of which row k is the first, upwards to the rows with the best score of the names.
+
+    Returns the first row of names and the number of rows.
+    """
     best = is_header(_stacked(grid[k : k + count]))
     where = k, count
     for more in range(1, min(k, _STACKED - count) + 1):

@@ -200,7 +200,7 @@ def _wirings(f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, pri
 
 def _directions_off(f: Array, b: Array, printed_inclination: Array, printed: Array) -> Array | None:
     """
-    Return the median angle between the hole axis of each wiring and that given in the table, rad, shape (48, 48).
+    Return the median angle between the hole axis of each pair of wirings and the hole axis in the table, rad, (48, 48).
 
     f, b: unit vectors by wiring, shapes (48, n, 3). None if the table has no usable angles.
     """

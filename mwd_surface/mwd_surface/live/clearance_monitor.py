@@ -85,7 +85,7 @@ class ClearanceMonitor:
 
     def _report_file(self, missing: tuple[str, ...]) -> None:
         if missing:
-            remedy = "correct the file or the setting it names, then set well.offset_wells again"
+            remedy = "correct the file, or the setting that the file names, then set well.offset_wells again"
             self._alarm_log.raise_alarm(_FILE, Severity.WARNING, "; ".join(missing), remedy)
         else:
             self._alarm_log.clear_alarm(_FILE)

@@ -29,7 +29,7 @@ def health_alarms(health: ToolHealth, battery: BatteryLimits) -> Causes:
     for part in health.parts:
         if part.overdue_days > 0:
             text = f"the calibration of {part.name} {part.serial_number} is {part.overdue_days} days too old"
-            remedy = "check its surveys against another tool or a check shot, and calibrate it after the run"
+            remedy = "compare the surveys with another tool or a check shot, and calibrate this part after the run"
             found[f"tool.calibration.{part.name}"] = (int(Severity.WARNING), text, remedy)
     return found
 
@@ -48,7 +48,7 @@ def _of_battery(state: BatteryHealth, battery: BatteryLimits) -> Causes:
         basis = f"; assumed: {'; '.join(state.assumed)}" if state.assumed else ""
         text = f"the battery lasts for {hours:.0f} h more, give or take {2.0 * sigma:.0f} h{basis}"
         severity = Severity.CRITICAL if hours < _EMPTY_H else Severity.WARNING
-        remedy = "plan the trip to change the battery; idle pumps use less of it"
+        remedy = "plan the trip to change the battery; with idle pumps the battery lasts longer"
         found["tool.battery.remaining"] = (int(severity), text, remedy)
     return found
 
@@ -69,7 +69,7 @@ def _of_exposure(one: Exposure) -> Causes:
         remedy = (
             "circulate to cool the tool before drilling on"
             if one.unit == "degC"
-            else "change weight on bit, rotary speed or flow until it falls"
+            else "change weight on bit, rotary speed or flow until the level falls"
         )
         found[f"tool.level.{one.source}"] = (int(Severity.WARNING), text, remedy)
     return found

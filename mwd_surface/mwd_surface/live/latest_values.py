@@ -154,7 +154,7 @@ class LatestValues:
         return new
 
     def last(self, name: str) -> float | None:
-        """Return the last good value, whatever its age."""
+        """Return the last good value, whatever its age; None before the first one."""
         return self._values[name].value
 
     def updated(self, name: str, now: float) -> float | None:

@@ -262,7 +262,9 @@ class LiveState:
         if _COLDEST <= celsius <= _HOTTEST:
             self._put("temperature", celsius, math.sqrt(variance) if variance > 0.0 else None, now)
         else:
-            self._withhold("temperature", f"{celsius:.0f} degC is no temperature of a tool: check its sensor", now)
+            self._withhold(
+                "temperature", f"{celsius:.0f} degC is not plausible in a tool: check the temperature sensor", now
+            )
 
     def on_magnetic_field(self, samples: Samples, now: float) -> None:
         """Accept magnetic fields, `wire.MAG`; the mean of their strengths is shown."""
@@ -378,7 +380,11 @@ class LiveState:
         )
 
     def _advisory(self, angle: LiveValue) -> Advisory | None:
-        """Return the advised toolface of a slide, and whether the toolface in force is within its limit."""
+        """
+        Return the advised toolface of a slide, its limit, and whether the toolface in force is within this limit.
+
+        None if the advice is not a slide, or its toolface is unknown.
+        """
         advice = self.parts.advice
         toolface, limit = advice.toolface, abs(advice.limit)
         if advice.mode != AdviceMode.SLIDE or not math.isfinite(toolface + limit):

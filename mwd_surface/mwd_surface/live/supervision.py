@@ -102,7 +102,7 @@ TABLE = (
         0.0,
         Severity.CRITICAL,
         "is the receiver alive? read its log",
-        "its supervisor starts it again where it has ended",
+        "its supervisor restarts it if it has ended",
         "the pressure is recorded; `mwd decode` gives the words afterwards",
     ),
     SupervisionRow(
@@ -123,7 +123,7 @@ TABLE = (
         3.0,
         2.0,
         Severity.CRITICAL,
-        "the clock of the sonde or its link stands: restart it",
+        "restart the sonde, or its link",
         "samples that do not advance are not used",
         "the last survey stays; the recording goes on",
     ),
@@ -145,7 +145,7 @@ TABLE = (
         DISAGREEMENT,
         10.0,
         Severity.WARNING,
-        "compare them on the page (System, Inputs); correct one, or set the depth by hand",
+        "compare the two sources on the page (System, Inputs); correct one of them, or set the depth by hand",
         "the source of the highest priority is used, or the depth by hand",
         "surveys get the depth in force",
     ),
@@ -158,7 +158,7 @@ TABLE = (
             0.0,
             Severity.WARNING,
             "is the process alive? it may hang: read its log",
-            "its supervisor starts it again where it has ended",
+            "its supervisor restarts it if it has ended",
             degraded,
         )
         for node, degraded in _OTHERS.items()

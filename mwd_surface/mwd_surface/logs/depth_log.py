@@ -301,7 +301,7 @@ class DepthLog:
         self.advance()
         while len(self._waiting) > _MOST_WAITING:
             heapq.heappop(self._waiting)
-            self._refuse(f"no depth of the bit came while {_MOST_WAITING} samples waited for it")
+            self._refuse(f"no bit depth arrived while {_MOST_WAITING} samples waited for a depth")
         return valid
 
     def _refuse(self, reason: str) -> None:
@@ -452,7 +452,7 @@ class DepthLog:
         return tuple(gaps)
 
     def curves(self, which: str = FIRST, most: int | None = None) -> tuple[Curve, ...]:
-        """Return all channels over depth, as `curve`."""
+        """Return the curves of all channels; arguments and exceptions as in `curve`."""
         return tuple(self.curve(name, which, most) for name in self.channels)
 
 

@@ -420,7 +420,7 @@ class HealthLedger:
             silent = self._silence
             if silent.seconds:
                 assumed.append(
-                    f"the rig sent no flow for {silent.seconds / _HOUR_S:.1f} h: pumps assumed on for"
+                    f"the rig sent no flow data for {silent.seconds / _HOUR_S:.1f} h: pumps assumed on for"
                     f" {silent.active_s / _HOUR_S:.1f} h of it"
                 )
             idle_s = silent.seconds - silent.active_s

@@ -67,7 +67,9 @@ class PageBridge:
         except OSError as error:
             if self._settings.strict:
                 raise
-            alarm_log.raise_alarm("page.port", Severity.WARNING, f"no live page: {error}", "it is retried every 5 s")
+            alarm_log.raise_alarm(
+                "page.port", Severity.WARNING, f"no live page: {error}", "the start is retried every 5 s"
+            )
             return
         self._server = server
         alarm_log.clear_alarm("page.port")

@@ -137,7 +137,7 @@ class RecordingServer:
         try:
             self._start(self._settings.name)
         except RecorderError as error:
-            self._refusal = str(error), f"{error.remedy}; it is retried every {_RETRY_S:g} s"
+            self._refusal = str(error), f"{error.remedy}; the start is retried every {_RETRY_S:g} s"
             self._alarm_log.raise_alarm("recording.start", Severity.CRITICAL, *self._refusal)
             return
         self._wanted, self._refusal = False, ("", "")

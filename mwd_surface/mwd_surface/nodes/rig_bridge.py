@@ -146,7 +146,9 @@ class RigBridge:
         found = []
         if self._status_error:
             found.append(
-                Diagnostic("rig status file", WARN, self._status_error, "free the disk; it is retried every second")
+                Diagnostic(
+                    "rig status file", WARN, self._status_error, "free the disk; writing is retried every second"
+                )
             )
         for one in self._port.status():
             values = [

@@ -157,7 +157,9 @@ class RodServer:
         known, self._taken = self._taken, taken
         if not rods or taken > known:
             return ""
-        return f"no survey since rod {rods} was added: stop pumps and rotation at each rod change until it is taken"
+        return (
+            f"no survey since rod {rods} was added: stop pumps and rotation at each rod change until a survey is taken"
+        )
 
     def _write(self) -> None:
         """Append the changes that are not in the log yet; if the disk is full, raise an alarm and continue."""
@@ -168,7 +170,7 @@ class RodServer:
             self._log.keep(tally)
         except OSError as error:
             text = f"the log of rods {self._log.path} could not be written: {error.strerror}"
-            log.raise_alarm("rods.unsaved", Severity.WARNING, text, "free the disk; it is retried every second")
+            log.raise_alarm("rods.unsaved", Severity.WARNING, text, "free the disk; writing is retried every second")
             return
         log.clear_alarm("rods.unsaved")
         if tally.changes and tally.changes[-1].action == CORRECT:

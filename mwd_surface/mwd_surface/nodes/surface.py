@@ -300,7 +300,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         if name != "take_survey":
             return call_service(self._service_callbacks, name, arguments)
         if self._survey_client is None:
-            return False, "over a link the tool takes a survey by itself whenever the pumps stop; stop them for one"
+            return False, "over a link the tool takes a survey whenever the pumps stop; stop the pumps"
         if not self._survey_client.service_is_ready():
             return False, "the estimator does not run"
         asked = self._survey_client.call_async(srv.TakeSurvey.Request(**arguments))

@@ -196,4 +196,4 @@ class TopicRouter:
         if not self._missing:
             return []
         message = f"not there yet: {', '.join(sorted(self._missing))}"
-        return [Diagnostic("topics to record", WARN, message, "is the name right, and its publisher running?")]
+        return [Diagnostic("topics to record", WARN, message, "check the name, and that a node publishes this topic")]

@@ -275,7 +275,7 @@ class HandshakeRelay:
         self._thread.start()
 
     def stop(self) -> None:
-        """Close all connections."""
+        """Close all connections, and wait up to 2 s for the end of the thread."""
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(timeout=2.0)
 

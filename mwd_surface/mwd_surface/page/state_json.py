@@ -164,7 +164,7 @@ def _part(part: Any) -> Table | None:
 
 
 def _sent(status: RecorderStatus | None) -> Table | None:
-    """Return the fields of the recorder's message only, because the other fields are not recorded."""
+    """Return the fields of the recorder's message, without the fields that are not recorded; None without a status."""
     return None if status is None else {name: plain(getattr(status, name)) for name in status.sent()}
 
 

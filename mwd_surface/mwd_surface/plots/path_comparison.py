@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plot of two surveys of one hole: their differences along the hole."""
+"""Plots of two surveys of one hole: their differences along the hole, and the ends of their paths in plan view."""
 
 from __future__ import annotations
 
@@ -59,7 +59,8 @@ def figure_of(found: PathDifference, first: str, second: str) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True)
     figure.suptitle(f"{first} minus {second}", fontsize=11)
     upper.plot(found.md, found.turn[:, 0] * DEGREES, color=SERIES[0], label="inclination")
-    # Draw the rotation of the hole axis, because near the vertical a change of azimuth has little effect.
+    # Draw the rotation of the hole axis that the difference of azimuth causes, because near the vertical a change of
+    # azimuth has little effect.
     across = found.turn[:, 1] * np.sin(found.inclination[:, 0])
     upper.plot(found.md, across * DEGREES, color=SERIES[1], label="azimuth x sin(inclination)")
     _finish(upper, "deg")

@@ -156,7 +156,7 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
         """
         Return the topic with a relative name next to the IMU, else the only topic that can belong to the same well.
 
-        alone : whether the only topic may have any name.
+        The result is None if there is neither. alone : whether the only topic may have any name.
         """
         for relative in relatives if namespace is not None else ():
             if _has(bag, f"{namespace}{relative}", layout):
@@ -354,7 +354,7 @@ def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[s
             remedy = "; not used: check the magnetometer and its driver" if name == "mag" else ""
             warnings.append(f"{topic}: {found[0]}{remedy}")
     if options:
-        raise OptionNeededError(f"{'; '.join(words)}; set it with {' '.join(options)}")
+        raise OptionNeededError(f"{'; '.join(words)}; set the unit with {' '.join(options)}")
     return warnings
 
 
@@ -365,7 +365,7 @@ def refuse_wrong_unit(topics: Topics, faults: Sequence[SensorFault]) -> None:
         if fault.code == FaultCode.UNIT and not fault.cleared_ns:
             option, unit = QUANTITIES[(1, 0, 2)[fault.place // 3]][3], unit_words(fault)
             topic = topics.mag if fault.place // 3 == 2 else topics.imu
-            raise OptionNeededError(f"{topic}: {describe(fault).message}; set it with {option} {unit}")
+            raise OptionNeededError(f"{topic}: {describe(fault).message}; set the unit with {option} {unit}")
 
 
 def mount_of(bag: Bag, topics: Topics, given: MountSettings) -> Mount:

@@ -139,7 +139,11 @@ class Joiner:
             self._interval = int(np.median(np.diff(self._accel_ns[: _RATED + 1])))
 
     def _joined(self, until_ns: int | None) -> tuple[Stamps, Samples] | None:
-        """Return the gyro samples up to the stamp `until_ns`, ns, with specific force interpolated to their stamps."""
+        """
+        Remove the gyro samples up to the stamp `until_ns`, ns, and return them with interpolated specific force.
+
+        Returns log times, ns, and samples; None if there are no such samples, or no accelerometer samples yet.
+        """
         if not self._gyro or until_ns is None or not len(self._accel_ns):
             return None
         log_ns = np.concatenate([part[0] for part in self._gyro])

@@ -126,7 +126,11 @@ class SampleStream:
         return {name: part for name, part in out.items() if len(part[0])}
 
     def _dated(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Leave out samples with stamp 0 if the topic has other stamps: the clock of the driver was not yet set."""
+        """
+        Return log times and samples without the samples with stamp 0, if the topic has other stamps.
+
+        A stamp 0 means that the clock of the driver was not set yet. The samples left out are counted in `undated`.
+        """
         if name in self.without_time:
             return log_ns, samples
         dated = (samples["stamp_ns"] != 0) | (log_ns < CLOCK_SET_NS)
@@ -329,7 +333,7 @@ def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> li
         found += _clock_problems(bag, topics)
         if not found and place.model and not place.date and not clock_was_set(bag, topics):
             sentence = f"the clock of {topics.imu} was never set, and the field model needs the date"
-            found.append(StreamProblem(f"{sentence}; the recorder knows the date", ("stamps", "recording")))
+            found.append(StreamProblem(f"{sentence}, which the recorder knows", ("stamps", "recording")))
     return found
 
 
@@ -339,7 +343,7 @@ def refuse(found: list[StreamProblem]) -> None:
         return
     sentence = "; ".join(one.sentence for one in found)
     options = " ".join(f"{option_of(one.option[0])} {one.option[1]}" for one in found if one.option)
-    raise OptionNeededError(f"{sentence}; set it with {options}") if options else ValueError(sentence)
+    raise OptionNeededError(f"{sentence}; use {options}") if options else ValueError(sentence)
 
 
 def _clock_problems(bag: Bag, topics: Topics) -> list[StreamProblem]:
@@ -415,7 +419,11 @@ def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Stream
 
 
 def clock_was_set(bag: Bag, topics: Topics) -> bool:
-    """Return whether the IMU's clock was set, by its first samples; true if the recorder's clock was not set either."""
+    """
+    Return whether the clock of the IMU was set, according to the stamps of its first samples.
+
+    The result is also true if the clock of the recorder was not set.
+    """
     samples = first_samples(bag, topics.imu)
     unset = len(samples) > 0 and 0 < int(np.median(samples["stamp_ns"])) < CLOCK_SET_NS
     return not unset or bag.start_ns < CLOCK_SET_NS
@@ -511,7 +519,7 @@ def _follow(courses: list[_Course], log_ns: Stamps, offset: NDArray[np.int64]) -
 
 
 def _without_delays(courses: list[_Course]) -> list[_Course]:
-    """Leave out courses of a few messages and courses that are only delays; join courses with nearly equal offsets."""
+    """Return the courses without those of a few messages or of a delay; join courses with nearly equal offsets."""
     courses = [course for course in courses if course.count >= _FEW] or courses
     kept: list[_Course] = []
     for k, course in enumerate(courses):

@@ -229,7 +229,7 @@ def _readable(bag: Bag, given: InputSettings, estimator: EstimatorSettings) -> t
 
 
 def _processed(bag: Bag, reading: _InspectionPass) -> tuple[Summary | None, str]:
-    """Return the summary of `mwd process` for the recording and ""; None and the reason if the recording is refused."""
+    """Return the summary of `mwd process` and an empty text; for a refused recording, None and the reason."""
     given = dataclasses.replace(reading.given, partial=reading.given.partial or not bag.complete)
     day = _day(reading, find_topics(bag, given).imu)
     settled = settings.changed(reading.estimator, {"place.date": day}) if day else reading.estimator

@@ -77,7 +77,8 @@ class ListBuilder:
         self.sensor_to_bit = known if given.sensor_to_bit_m is None else given.sensor_to_bit_m
         self._table = read_depths(Path(given.depths)) if given.depths else None
         self._live = recorded_list(bag, namespace, self._well) if recorded.surface is not None else RecordedList()
-        # The live depth of a survey is kept unless the options give a table, a topic of the rig or another distance.
+        # The live depth of a survey is kept, unless the options give a table of depths, a topic of the rig, or a
+        # distance from sensor to bit that differs from the distance in the recording.
         self._live_depths = not given.depths and not given.rig_topic and self.sensor_to_bit == known
         self.depth = DepthTrack(self._surface.depth)
         self._given_depths = given.depths

@@ -178,6 +178,6 @@ def _finished(
     if summary.rows == 0:
         if given.start_s > (long := (bag.end_ns - bag.start_ns) * 1e-9) > 0.0:
             raise BagError(f"{bag.path} ends after {long:.1f} s, before --start {given.start_s:g}")
-        raise BagError(f"{bag.path} has no IMU sample in {run.topics.imu}", "look at it with `mwd bag info`")
+        raise BagError(f"{bag.path} has no IMU sample in {run.topics.imu}", "look at the recording with `mwd bag info`")
     summary.warnings += worth_saying(bag)
     return summary

@@ -25,7 +25,8 @@ _RECORDINGS = (".mcap", ".db3", ".bag", ".zstd", ".lz4")
 _WAV_FULL_SCALE = 1.0e7
 # Longest pause of a recording, s; a longer pause means that the clock was set.
 _LONGEST_GAP_S = 86400.0
-# Longest usual time between samples, s. A gauge for pulses samples at least ten times per second.
+# Longest usual time between samples, s. A gauge for pulses samples at least ten times per second; this limit only
+# refuses files that are too slow for any telemetry.
 _SLOWEST_S = 10.0
 # Shortest pause between two samples, s, and largest share of pauses in a recording. A recording with a larger share and
 # with more than a day of pauses is refused: each pause would be filled with samples.

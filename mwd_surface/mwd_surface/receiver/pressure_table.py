@@ -616,7 +616,7 @@ class _TableFile:
 
     def seconds(self, columns: Sequence[_Column], cells: Sequence[Any]) -> tuple[Array, str, list[str]]:
         """
-        Return times, s, the meaning of time 0, and notes, of a column of times, or of a date and a clock.
+        Return the times, s, of a column of times or of columns with date and clock, the meaning of time 0, and notes.
 
         Raises
         ------

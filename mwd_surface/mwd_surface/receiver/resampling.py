@@ -124,7 +124,7 @@ class Resampler:
         return self._until(self._time[-2] - _HALF_STEPS * self._step)
 
     def finish(self) -> tuple[Array, Array]:
-        """Return the rest of the grid, up to the last sample; as `push`."""
+        """Return the samples of the grid that `push` has not returned, up to the last input sample."""
         if self._spacing == 0.0 and self._early.shape[1] > 2:
             self._begin()
         if self._declipper is not None:

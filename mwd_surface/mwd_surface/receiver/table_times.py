@@ -90,7 +90,11 @@ def of_numbers(numbers: Array, unit: str) -> Array:
 
 
 def _factor(numbers: Array) -> float:
-    """Return the unit of times without a stated unit, in seconds, by their size and steps; see `of_numbers`."""
+    """
+    Return the factor to seconds of times whose unit is not stated, found from the size and the steps of the numbers.
+
+    Raises UnknownUnitError if the numbers do not show the unit.
+    """
     known = numbers[np.isfinite(numbers)]
     if known.size < 2:
         raise UnknownUnitError("too few rows to tell s from ms")

@@ -109,7 +109,7 @@ class WordFiles:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the files."""
+        """Close words.csv; surveys.csv is open only while it is written."""
         self._words.close()
 
     def add(self, words: Sequence[ReceivedWord]) -> None:

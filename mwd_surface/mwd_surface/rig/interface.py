@@ -149,7 +149,11 @@ class LoopInterface(RigInterface):
         return self._failure
 
     def start(self) -> None:
-        """Start the thread and wait until the interface serves or fails."""
+        """
+        Start the thread and wait until the interface serves or fails.
+
+        Raises InterfaceError if the interface runs already, fails, or does not serve within `start_timeout`.
+        """
         if self._thread is not None and self._thread.is_alive():
             raise InterfaceError(f"{self.name} is running already")
         self._failure, self.address = "", ""

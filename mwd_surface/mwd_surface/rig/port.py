@@ -63,7 +63,8 @@ class RigSettings:
     )
     retry_period: float = setting(
         10.0,
-        "Time between attempts to start an interface that could not start. Raising it delays its return.",
+        "Time between attempts to start an interface that could not start. Raising it lets such an interface "
+        "start later.",
         unit="s",
         low=0.05,
         high=3600.0,

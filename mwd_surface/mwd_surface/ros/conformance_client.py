@@ -99,11 +99,11 @@ class RosConformance:
         return View(state.lease, state.mode, state.sequence, state.rotary_speed, state.turn, state.pending)
 
     def grant(self, number: int) -> bool:
-        """Grant a request, as the person at the rig."""
+        """Grant a request, as the person at the rig; return whether the request was granted."""
         return self._judged(decision=int(ControlJudgement.GRANT), number=number, operator_name="conformance")
 
     def abort(self, name: str = "conformance") -> bool:
-        """Take control back, as the person at the rig."""
+        """Take control back, as the person at the rig; return whether this was accepted."""
         return self._judged(decision=int(ControlJudgement.ABORT), operator_name=name)
 
     def _judged(self, **fields: Any) -> bool:
@@ -240,7 +240,7 @@ class RosPeer:
         return False
 
     def release(self, lease: int) -> bool:
-        """Give a lease back."""
+        """Give a lease back; return whether this was accepted."""
         self._controller.lease = lease
         return bool(self._interface.answer(self._controller.release("conformance")).success)
 

@@ -203,7 +203,9 @@ class Supervisor:
             known, child.failure = child.failure, f"{name} {'does not start' if status == REFUSED else many}: {words}"
             child.due = now + _SLOW_PAUSE
             if not known:
-                self._report(f"{child.failure}; the other nodes continue; it is retried every {_SLOW_PAUSE:g} s")
+                self._report(
+                    f"{child.failure}; the other nodes continue; the start of {name} is retried every {_SLOW_PAUSE:g} s"
+                )
             return
         pause = min(_FIRST_PAUSE * 2.0 ** (child.crashes - 1), _LONGEST_PAUSE)
         child.due = now + pause

@@ -109,13 +109,14 @@ def check_shots(
     Raises
     ------
     ValueError
-        The arguments differ in length.
+        The arguments differ in length, or the readings do not have three columns.
     """
     depth, force, field = (np.asarray(value, dtype=float) for value in (md, f_t, b_t))
     names = list(tools) or [""] * len(depth)
     if force.shape != (len(depth), 3) or field.shape != force.shape or len(names) != len(depth):
         raise ValueError(
-            f"md, f_t, b_t, tools: lengths differ: {len(depth)}, {force.shape}, {field.shape}, {len(names)}"
+            f"md, f_t, b_t, tools: must have the shapes (n,), (n, 3), (n, 3), (n,), got {depth.shape}, {force.shape},"
+            f" {field.shape}, ({len(names)},)"
         )
     usable = np.isfinite(depth) & np.isfinite(force).all(axis=1) & np.isfinite(field).all(axis=1)
     usable &= (np.linalg.norm(force, axis=1) > 1.0) & (np.linalg.norm(field, axis=1) > 1e-6)

@@ -56,8 +56,9 @@ class DepthRules:
     )
     bridge: float = setting(
         60.0,
-        "Longest gap of rig data over which the depth is interpolated. A survey in a longer gap gets no depth; "
-        "raising it accepts less certain depths.",
+        "Longest gap of rig data over which the depth is interpolated. In a longer gap a survey gets the last depth "
+        "before the gap, and waits for an operator if that depth is older than depth_age_limit. Raising it "
+        "interpolates over gaps in which the string may have moved unevenly.",
         unit="s",
         low=0.1,
     )
@@ -65,14 +66,15 @@ class DepthRules:
     clock_limit: float = setting(
         20.0,
         "Largest difference between the clocks of rig and sonde, judged by the order in which their data arrive. "
-        "Above it surveys get no depth from the rig. Raise it for rig data that arrive later than this.",
+        "With a larger difference surveys get no depth from the rig. Raise it for rig data that arrive later than "
+        "this.",
         unit="s",
         low=1.0,
     )
     history: int = setting(
         36000,
         "Number of depth readings kept in memory; 36000 readings at 1 Hz are ten hours. Raising it gives a depth "
-        "to surveys that arrive later, and costs memory.",
+        "to surveys that arrive later, but costs memory.",
         low=10,
     )
 

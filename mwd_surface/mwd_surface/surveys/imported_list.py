@@ -97,7 +97,7 @@ def survey_list(
         raise ValueError(f"{stations.name}: no station lies below the tie-on at {start.measured_depth:g} m")
     left = sum(not record.in_use for record in records)
     if left:
-        text = f"{left} of {len(records)} stations are not used, their verdict is not accept; --all uses them"
+        text = f"{left} of {len(records)} stations are not used, because their verdict is not accept; --all uses them"
         remarks.append(Remark(RemarkKind.STATIONS_NOT_USED, text, {"stations": left}))
     bare = SurveyList(
         well=well,

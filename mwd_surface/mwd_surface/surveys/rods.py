@@ -104,7 +104,9 @@ class RodTally:
             There is no rod in the hole.
         """
         if not self.lengths:
-            raise ValueError("no rod is in the hole by the tally; correct it by the number that you count")
+            raise ValueError(
+                "according to the tally no rod is in the hole; correct the tally to the number that you count"
+            )
         return self._with(self.lengths[:-1], REMOVE, self.lengths[-1], stamp_ns, operator, reason)
 
     def correct(self, stamp_ns: int, count: int, length: float, operator: str, reason: str) -> RodTally:

@@ -67,7 +67,7 @@ class Scored:
 
     @property
     def azimuth_error(self) -> float | None:
-        """Reported minus true azimuth, wrapped to +-pi, rad."""
+        """Reported minus true azimuth, wrapped to +-pi, rad; None if no azimuth was reported."""
         return None if self.chosen is None else float(wrap_pi(self.chosen - self.azimuth))
 
 

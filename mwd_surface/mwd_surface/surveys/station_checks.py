@@ -52,7 +52,7 @@ def fatal_reasons(whole: SurveyList, record: SurveyRecord) -> list[str]:
     why = []
     tie_on = whole.find_leg(record.leg).tie_on
     if record.measured_depth <= tie_on.measured_depth:
-        why.append(f"at {record.measured_depth:.2f} m it is not below the tie-on at {tie_on.measured_depth:.2f} m")
+        why.append(f"the depth {record.measured_depth:.2f} m is not below the tie-on at {tie_on.measured_depth:.2f} m")
     if record.survey.azimuth_from(whole.north) is None and not _is_vertical(record, whole.rules):
         have = North(record.survey.north).name.lower()
         why.append(

@@ -158,7 +158,7 @@ class Line:
 
     @property
     def limits(self) -> Any:
-        """Largest good deviations of gravity, m/s^2, field, T, and dip, rad; the verdict is doubtful above them."""
+        """Largest deviations of gravity, m/s^2, field, T, and dip, rad, that count as good; above them: doubtful."""
         return _Limits(*(total.limit for total in totals(self.survey)))
 
     @property

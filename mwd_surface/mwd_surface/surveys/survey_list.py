@@ -421,7 +421,12 @@ class SurveyList:
         raise ValueError(f"leg: there is no {wanted!r}; there are {', '.join(repr(g.name) for g in self.legs)}")
 
     def _with(self, records: Iterable[SurveyRecord], changed_ns: int | None = None) -> SurveyList:
-        """Return the list with other records, sorted, and all derived values recomputed."""
+        """
+        Return the list with other records, sorted, and all derived values recomputed.
+
+        changed_ns: new time of the last change, ns; None keeps the present one. Raises ValueError for a record of an
+        unknown leg.
+        """
         order = {leg.name: k for k, leg in enumerate(self.legs)}
         ordered = sorted(records, key=lambda r: (order.get(r.leg, -1), r.measured_depth, r.survey.sequence))
         strangers = sorted({r.leg for r in ordered} - set(order))

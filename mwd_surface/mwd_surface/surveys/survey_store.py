@@ -87,12 +87,13 @@ class SurveyStore:
 
     def save(self, surveys: SurveyList) -> None:
         """
-        Write the list to the disk; the list before the last change is kept in the file `previous`.
+        Write the list to the file `current`; the list that this file contained is kept in the file `previous`.
 
         Raises
         ------
         StoreError
-            The disk is full or cannot be written. The existing lists are unchanged.
+            The disk is full or cannot be written. `current` is then a complete list: the old one, or the new one if
+            only the sync of the folder failed.
         ValueError
             The list has a text or number that a file cannot hold. Nothing is written.
         """

@@ -391,7 +391,7 @@ def test_after_a_lost_memory_the_echo_in_force_confirms_nothing(heard_before):
     machine.on_echo(before, rig.now)
     assert machine.state == (DownlinkState.SENT if heard_before else DownlinkState.UNCONFIRMED)
     if not heard_before:
-        assert "send it again" in machine.reason
+        assert "again to be certain" in machine.reason
         # The tool runs by that command all the same, and the next attempt is certain.
         assert machine.in_force.pulse_width == 1
         rig = sent(machine, rig.now)

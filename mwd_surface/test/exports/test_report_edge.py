@@ -12,6 +12,7 @@ import pytest
 
 import bombs
 from mwd_sensors.core import earth
+from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_edge import for_people
 from mwd_surface.exports.report_html import report_html
@@ -108,7 +109,8 @@ def test_the_words_of_the_program_among_names_are_translated():
         assert said in [value for _, value in header]
     assert CHINESE.entries["main"] in [value for _, value in header]
     for origin in Origin:
-        assert not CHINESE.unknown(f"{origin}, 300.00 m MD, 1.00 deg, 20.00 deg")
+        for angle in AngleConvention:
+            assert not CHINESE.unknown(f"{origin}, 300.00 m MD, {angle.heading} 1.00 deg, Azi 20.00 deg")
 
 
 def test_numbers_have_the_decimal_mark_of_the_language(report):

@@ -207,7 +207,7 @@ def test_our_surveys_csv_comes_with_north_verdict_sigma_and_reference():
     assert math.degrees(got.sigma_azimuth[1]) == pytest.approx(0.5)
     assert got.figures["b_reference"].tolist() == pytest.approx([50e-6, 50e-6])
     assert math.degrees(got.figures["declination"][0]) == pytest.approx(2.0)
-    with pytest.raises(ListFileError, match="azimuths from grid and true north in one list"):
+    with pytest.raises(ListFileError, match="one list has azimuths from grid and true north"):
         list_of((text + "3,160,20,40,true,accept,0.1,0.5,50000,70,2\n").encode())
 
 

@@ -14,6 +14,7 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.list_files.list_columns import ENERGISTICS_UNITS, LENGTH_UNITS
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import list_of
+from mwd_surface.list_files.p7_table import p7_table
 
 TITLE = ("Definitive survey of well A-1",)
 NORTH = ("North Reference:", "Grid")
@@ -187,3 +188,15 @@ def test_a_file_that_is_not_read_is_named_with_what_to_export(data, named):
         list_of(data, "survey.xls")
     assert named in str(caught.value)
     assert "CSV" in str(caught.value)
+
+
+@given(st.lists(st.tuples(st.sampled_from("12"), st.sampled_from("16")), max_size=8))
+def test_each_p7_record_is_a_station_or_is_counted_once_as_left_out(others):
+    """Table 1 is the first table; status 6 is a projected station."""
+    records = [("1", "1"), *others]
+    text = "".join(
+        f"P7,0,{table},1,,,,D,{status},,{30.0 * k},1.0,2.0,,,,,,,,\n" for k, (table, status) in enumerate(records)
+    )
+    got = p7_table(text, "run.p717")
+    assert len(got.rows) == records.count(("1", "1"))
+    assert len(got.rows) + sum(one.values["rows"] for one in got.remarks) == len(records)

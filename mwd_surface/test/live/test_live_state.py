@@ -204,7 +204,7 @@ def test_a_temperature_that_no_tool_has_is_withheld_with_the_reason(celsius):
     streams.on_temperature(heat, 1.0)
     shown = streams.at(1.0).drilling.temperature
     assert shown.value is None
-    assert "no temperature of a tool" in shown.reason
+    assert "not plausible in a tool" in shown.reason
 
 
 def test_a_part_that_the_state_does_not_have_is_refused():

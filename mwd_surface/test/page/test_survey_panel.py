@@ -116,7 +116,7 @@ def test_the_lights_stand_by_the_limits_of_the_verdict():
 
 
 def test_words_of_a_verdict_move_no_light():
-    words = ("within limits: total field +380 nT (limit 520 nT)",)
+    words = ("within limits: total field +380 nT off the reference (limit 520 nT)",)
     (record,) = listed(survey(1, b_total=B + 380e-9, reasons=words)).records
     field = quality_lights(record, QualityLimits())["lights"][1]
     assert (field["limit"], field["light"]) == (pytest.approx(300e-9), "doubtful")

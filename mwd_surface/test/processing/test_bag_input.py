@@ -160,9 +160,9 @@ def first(**readings):
 @pytest.mark.fault_case(12)
 def test_other_units_are_refused_in_one_sentence_with_the_options_to_say_so():
     assert bag_input.check_units(TOPICS, first()) == []
-    with pytest.raises(ValueError, match=r"^i: .* looks like g; set it with --accel-unit g$"):
+    with pytest.raises(ValueError, match=r"^i: .* looks like g; set the unit with --accel-unit g$"):
         bag_input.check_units(TOPICS, first(force=1.0))
-    with pytest.raises(ValueError, match=r"i: .* g; m: .* uT; set it with --accel-unit g --mag-unit uT$"):
+    with pytest.raises(ValueError, match=r"i: .* g; m: .* uT; set the unit with --accel-unit g --mag-unit uT$"):
         bag_input.check_units(TOPICS, first(force=1.0, field=50.0))
 
 

@@ -352,7 +352,7 @@ def test_a_start_beyond_the_end_of_a_bag_is_reported(tmp_path):
 
 def test_a_field_in_another_unit_is_refused_until_its_unit_is_given(tmp_path):
     recording(tmp_path / "bag", mag_scale=1e6)
-    with pytest.raises(ValueError, match=r"^/imu/mag: .* looks like uT; set it with --mag-unit uT$"):
+    with pytest.raises(ValueError, match=r"^/imu/mag: .* looks like uT; set the unit with --mag-unit uT$"):
         run(tmp_path / "bag", tmp_path / "out")
     summary = run(tmp_path / "bag", tmp_path / "out", mag_unit="uT")
     assert not summary.warnings
@@ -366,7 +366,7 @@ def test_a_magnetometer_that_speaks_late_is_checked_too(tmp_path):
     with BagWriter(tmp_path / "bag", chunk_bytes=4096) as bag:
         for name, layout, rows in (("/imu/data_raw", wire.IMU, imu), ("/imu/mag", wire.MAG, late)):
             bag.write_rows(bag.topic(name, layout.type_name), layout.encode(rows, "x"), rows["stamp_ns"])
-    with pytest.raises(ValueError, match=r"looks like nT; set it with --mag-unit nT$"):
+    with pytest.raises(ValueError, match=r"looks like nT; set the unit with --mag-unit nT$"):
         run(tmp_path / "bag", tmp_path / "out")
 
 
@@ -385,7 +385,7 @@ def test_an_older_sqlite3_recording_gives_the_same_lines(tmp_path):
 
 def test_a_force_in_g_is_refused_until_its_unit_is_given(tmp_path):
     recording(tmp_path / "bag", accel_scale=1.0 / 9.80665)
-    with pytest.raises(ValueError, match=r"looks like g; set it with --accel-unit g"):
+    with pytest.raises(ValueError, match=r"looks like g; set the unit with --accel-unit g"):
         run(tmp_path / "bag", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     run(tmp_path / "bag", tmp_path / "out", accel_unit="g")

@@ -107,7 +107,7 @@ def test_only_surveys_at_one_depth_are_compared():
     found = check_shots([100.0, 130.0, 100.3, 160.0, 130.1], force, field, ERRORS)
     assert [one.rows for one in found] == [(0, 2)]
     assert check_shots([100.0, np.nan, np.nan], force[:3], field[:3], ERRORS) == ()
-    with pytest.raises(ValueError, match="lengths differ"):
+    with pytest.raises(ValueError, match="shapes"):
         check_shots([100.0], force, field, ERRORS)
 
 

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -153,6 +154,32 @@ def test_a_disk_that_refuses_leaves_the_files_as_they_were(tmp_path, monkeypatch
         with pytest.raises(StoreError, match=r"not saved .* No space left on device"):
             store.save(grown(three))
     assert {n: (tmp_path / n).read_bytes() for n in before} == before
+
+
+@pytest.mark.parametrize("late", ["rename", "sync"])
+def test_after_a_late_error_the_list_is_the_old_one_or_the_new_one(tmp_path, monkeypatch, late):
+    _, three = saved_twice(tmp_path)
+    four = grown(three)
+
+    def refused(*_arguments):
+        raise OSError(5, "Input/output error")
+
+    renamed = Path.replace
+
+    def rename(path, target):
+        return refused() if path.name == "surveys.writing.json" else renamed(path, target)
+
+    with SurveyStore(tmp_path) as store:
+        with monkeypatch.context() as disk:
+            if late == "rename":
+                disk.setattr(Path, "replace", rename)
+            else:
+                disk.setattr(survey_store, "sync_folder", refused)
+            with pytest.raises(StoreError, match="not saved"):
+                store.save(four)
+        kept = store.load(four.well, four.rules)
+        assert kept.surveys.records == (three if late == "rename" else four).records
+        assert not kept.messages
 
 
 def test_another_well_or_an_impossible_north_is_reported(tmp_path):

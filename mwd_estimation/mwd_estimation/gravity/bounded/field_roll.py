@@ -143,8 +143,8 @@ def _correct_roll(s: BoundedRecord, off: float, variance: float, clipped: float)
     """
     Rotate the tool about its axis by the roll error from the field, equation (13).
 
-    off: roll error, rad; variance: variance of the roll by the field, rad^2; clipped: part of the time since the
-    magnetic sample in which the x gyro clipped, s.
+    off: roll error, rad; variance: variance of the roll by the field, rad^2; clipped: time since the magnetic sample
+    during which the x gyro clipped, s.
     """
     P, C, e, PH = s.P, s.C, s.correction, s.work
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2

@@ -77,7 +77,7 @@ def follow_innovation(s: BoundedRecord, axis: int, white: float) -> None:
     found.slow[axis] += T / (SLOW_TIME + T) * (white - found.slow[axis])
     density = (2.0 * SLOW_TIME / T + 1.0) * found.slow[axis] ** 2
     usual = found.density[axis]
-    # Limit the growth, so that a jump that is not found yet does not raise the density.
+    # Limit the growth of the density, so that a jump that is not found yet raises it only slowly.
     found.density[axis] += T / DENSITY_TIME * (min(density, 9.0 * usual) - usual)
     s.surprise += white * white / max(usual, LEAST_DENSITY) - min(T / SURPRISE_TIME, 1.0) / 3.0 * s.surprise
 

@@ -282,7 +282,12 @@ def _gains_at(
 
 @compiled
 def _add_angle(phi: Array, first: Array, second: Array, mean: Array, spread: Array) -> None:
-    """Add the moments at an angle, (4,) and (4, 4), to those over the circle, (12,) and (12, 12); phi (3,): basis."""
+    """
+    Add the weighted moments of the inverse innovation at one angle to the sums over all angles, in place.
+
+    phi (3,): basis at the angle; first (4,), second (4, 4): moments at the angle; mean (12,), spread (12, 12): sums of
+    the products of basis and inverse innovation.
+    """
     for m in range(3):
         for a in range(4):
             mean[4 * m + a] += phi[m] * first[a]
@@ -330,7 +335,7 @@ def gyro_step(one: Row) -> float:
 
 
 def wrong_gyro(residual: Array) -> Array:
-    """Return the log density, per rad, of the residual of a wrong gyro azimuth; residual: as `gyro_residual`, rad."""
+    """Return the log density, per rad, of the residual, rad, of a wrong gyro azimuth; see `gyro_residual`."""
     rho = math.exp(-_WRONG)
     return np.log((1.0 - rho * rho) / math.tau / (1.0 + rho * rho - 2.0 * rho * np.cos(residual)))
 

@@ -338,7 +338,7 @@ class RunFilter:
         return float(weight[adrift].sum() / max(float(weight.sum()), 1e-300))
 
     def probabilities(self, by_kind: Array) -> dict[Hypothesis, float]:
-        """Return the probability of each hypothesis at a station; by_kind: as `CircleEvidence.by_kind`."""
+        """Return the probability of each hypothesis at a station; by_kind: `CircleEvidence.by_kind` of the station."""
         quiet = by_kind[:, 0].reshape(-1, len(self.filters.kinds)).sum(axis=0)
         found = dict.fromkeys(Hypothesis, 0.0)
         for kind, value in zip(self.filters.kinds, quiet, strict=True):

@@ -119,7 +119,7 @@ class CarrierReceiver(SampledReceiver):
         return f"no words: {self._beside_line(reason)}"
 
     def _beside_line(self, reason: str) -> str:
-        """Return the reason, preceded by the name of the line that disturbs the carrier, if there is one."""
+        """Return `reason`, preceded by the line that disturbs the carrier, if such a line was found."""
         return f"{self._line}; {reason}" if self._line else reason
 
     def _check(self, spacing_s: float) -> None:

@@ -20,7 +20,12 @@ _SUREST = 40.0  # larger log-likelihood ratios are clipped: they add nothing, an
 
 @compiled
 def _forward_backward(given: Array, table: Indices, tail: int, bits: Array, coded: Array) -> float:
-    """Run the forward-backward pass on given, (n, 2); fill bits, (n,), and coded, (n, 2); return the log evidence."""
+    """
+    Run the forward-backward pass of the convolutional code; return the log evidence.
+
+    given (n, 2): log-likelihood ratios of the received coded bits; bits (n,), coded (n, 2): filled with the
+    log-likelihood ratios of the data bits and of the coded bits.
+    """
     n, states = len(given), len(table)
     half = states // 2
     forward = np.zeros((n + 1, states))

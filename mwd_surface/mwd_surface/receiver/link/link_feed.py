@@ -233,7 +233,12 @@ class FollowingLink:
             self.link = self.link.successor(tool)
 
     def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:
-        """Add samples, as `Link.push`."""
+        """
+        Add samples, as `Link.push`.
+
+        While an answer is awaited, the samples are also decoded with the configuration after the command; when the tool
+        answers, the link with this configuration replaces `link`, and all its output since `expect` is returned.
+        """
         out = self.link.push(time_s, pressure_pa)
         if self._next is None:
             return out
@@ -245,7 +250,7 @@ class FollowingLink:
         return self._kept
 
     def take_strokes(self, pump: int, time_s: Array) -> None:
-        """Add the strokes of a pump's counter, as `Link.take_strokes`."""
+        """Add the counted strokes of a pump to the link in force and to the link of an awaited configuration."""
         for link in (self.link, self._next):
             if link is not None:
                 link.take_strokes(pump, time_s)

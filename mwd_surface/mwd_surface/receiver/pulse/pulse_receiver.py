@@ -86,7 +86,7 @@ class PulseReceiver(SampledReceiver):
         return after
 
     def push(self, time_s: Array, value: Array) -> Reception:
-        """Add samples, as `SampledReceiver.push`."""
+        """Add samples, as `SampledReceiver.push`; if no flow spans were given, also find the flow from the pressure."""
         if self._finds_flow:
             self._flow.push(time_s, value)
         return super().push(time_s, value)

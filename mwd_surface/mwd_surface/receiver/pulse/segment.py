@@ -339,7 +339,7 @@ def _add_known(stretch: StretchOnToolClock, train: Array) -> None:
 
 
 def _places(stretch: StretchOnToolClock, probability: Array) -> Array:
-    """Return the places of all pulses, as `StretchOnToolClock.pulses`."""
+    """Return the known pulses of the stretch and the pulses of its packets, as rows of `StretchOnToolClock.pulses`."""
     at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets).astype(float)
     own = [
         np.column_stack([one, p, np.full(len(p), k)])[p > 0.0]

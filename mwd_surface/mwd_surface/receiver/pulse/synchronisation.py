@@ -147,7 +147,11 @@ def search(
 def _refined(
     pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], found: SyncFound, least: float
 ) -> SyncFound | None:
-    """Find the sync again with a noise model from the same pressure without the pulses found."""
+    """
+    Find the sync again, with the noise model of the pressure without the pulses that were found first.
+
+    Returns None if there is no noise model or no sync with the score `least`.
+    """
     train, pulses = np.zeros(len(pressure)), np.empty(len(pressure))
     train[found.at + SAMPLES_PER_TU * np.array(tool.sync.edges_tu)] = 1.0
     reconstruct(train, found.response, pulses)
@@ -170,7 +174,11 @@ def _settled(pressure: Array) -> int:
 def _found(
     pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], whitener: Array, least: float
 ) -> SyncFound | None:
-    """Find the best sync with a known noise model; span: range of its first sample; least: score required."""
+    """
+    Find the best sync with a known noise model; None if no sync has the score `least`.
+
+    span: range of the first sample of the sync. whitener: noise model.
+    """
     begin, end = span
     whitened = np.empty(len(pressure))
     filtered(pressure, whitener, whitened)

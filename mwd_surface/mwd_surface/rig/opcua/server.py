@@ -164,7 +164,11 @@ class OpcuaServer(LoopInterface):
             self._server = None
 
     def _count_refusal(self, record: logging.LogRecord) -> bool:
-        """Count a refused connection and suppress its log message; a filter for asyncua's logger."""
+        """
+        Filter the log of asyncua: count a refused connection, and suppress its message.
+
+        Returns whether the message is logged.
+        """
         server = self._server
         full = server is not None and len(server.bserver.clients) >= self.settings.max_clients
         if not full or not str(record.msg).startswith("Refusing connection"):

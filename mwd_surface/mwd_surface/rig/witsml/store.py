@@ -78,8 +78,8 @@ class WitsmlStoreSettings:
     )
     longest_wait: float = setting(
         120.0,
-        "Longest wait between two attempts to send. Raising it causes less traffic and delays the survey after a "
-        "failure.",
+        "Longest wait between two attempts to send. Raising it causes less traffic, but after a failure the survey is "
+        "sent later.",
         unit="s",
         low=0.01,
         high=3600.0,

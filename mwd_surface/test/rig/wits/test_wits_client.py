@@ -39,11 +39,16 @@ def recorder():
 
 
 @pytest.mark.fault_case(75)
-@given(failures=st.integers(0, 10_000), chance=st.floats(0.0, 1.0))
-def test_waits_double_from_a_second_to_half_a_minute_and_spread_by_half(failures, chance):
-    wait = Backoff().wait(failures, chance)
-    middle = min(30.0, 2.0 ** min(failures, 30))
-    assert 0.5 * middle <= wait <= 1.5 * middle
+@given(
+    failures=st.integers(0, 10_000),
+    chance=st.floats(0.0, 1.0),
+    first=st.floats(0.01, 60.0),
+    longest=st.floats(0.01, 600.0),
+)
+def test_waits_double_up_to_the_longest_wait_and_are_shortened_by_up_to_half(failures, chance, first, longest):
+    wait = Backoff(first, longest).wait(failures, chance)
+    whole = min(longest, first * 2.0 ** min(failures, 30))
+    assert 0.5 * whole <= wait <= whole <= longest
 
 
 def test_it_connects_sends_and_takes_rig_data_back():
