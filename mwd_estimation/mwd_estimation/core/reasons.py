@@ -114,7 +114,7 @@ class ReasonCode(StrEnum):
     GYRO_LEAK_EXCESSIVE = "gyro_leak_excessive"
     TWO_AZIMUTHS_FIT_GYRO = "two_azimuths_fit_gyro"
     LATITUDE_MISFIT = "latitude_misfit"
-    LATITUDE_SIGN = "latitude_sign"
+    LATITUDE_OTHER = "latitude_other"
     GYRO_BIAS_UNKNOWN = "gyro_bias_unknown"
     GYRO_BIAS_UNKNOWN_STATIC = "gyro_bias_unknown_static"
     SEEK_UNCERTAIN = "seek_uncertain"

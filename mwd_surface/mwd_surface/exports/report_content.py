@@ -195,6 +195,8 @@ def content(table: SurveyTable) -> Content:
         notes.append(f"The logo {well.logo} is not printed: {error}")
     made = (make(table) for make in SECTIONS)
     title = f"Hole report {well.name}" if well.angles.points else f"Survey report {well.name}"
+    if table.final:
+        title = f"Final survey list {well.name}"
     return Content(
         title=plain(title + (f", {well.wellbore}" if well.wellbore else "")),
         header=table.header,

@@ -10,7 +10,7 @@ from mwd_surface.exports.report_quality import numbered, row_mark, verdict_cells
 from mwd_surface.exports.report_section import Section, Sheet, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.signals.cells import Printed, Typed, fixed, plain, typed, utc
-from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
+from mwd_surface.surveys.survey_record import COORDINATES_ASSUMED, Judgement, SurveyRecord
 from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, DrilledStretch, yields
 
 _DEG = 180.0 / math.pi
@@ -80,8 +80,10 @@ def decisions(table: SurveyTable) -> Section | None:
                 for line in lines
             ]
             marks += ["", *[""] * (len(lines) - 2), row_mark(record)]
-        if record.flags or record.comment:
-            remarks.append((number, plain("; ".join(record.flags)), plain(record.comment)))
+        # The head of the report says that the coordinates of the whole path are assumed.
+        flags = [flag for flag in record.flags if flag != COORDINATES_ASSUMED or not table.path.assumed]
+        if flags or record.comment:
+            remarks.append((number, plain("; ".join(flags)), plain(record.comment)))
     sheets = []
     if rows:
         columns = (("Survey", ""), ("UTC", ""), ("By", ""), ("Decision", ""), ("MD then", "m"), ("Why", ""))

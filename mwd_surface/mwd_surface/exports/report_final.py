@@ -74,7 +74,7 @@ def final_sections(
         "Final list against the list as first decided",
         sheets=(sheet_of("Changes by station", _titled(angles), rows),),
         drawings=(
-            Drawing("Differences along the hole", along, wide=True),
+            Drawing("Differences along the hole", along),
             Drawing(
                 "End of the path in plan view, ellipses at 2 sigma"
                 if has_ellipses
@@ -82,14 +82,13 @@ def final_sections(
                 at_the_end,
             ),
         ),
-        page=True,
     )
     sources = [sheet_of("Input files", (("File", ""), ("SHA-256", "")), [(typed(name), sha) for name, sha in inputs])]
     if final.overlaps:
         sources.insert(
             0, sheet_of("Intervals that two sources cover", _OVERLAPS, [_overlap(one) for one in final.overlaps])
         )
-    return differences, Section("Sources of the final list", final.remarks, tuple(sources))
+    return Section("Sources of the final list", final.remarks, tuple(sources)), differences
 
 
 def _titled(angles: AngleConvention) -> list[tuple[str, str]]:

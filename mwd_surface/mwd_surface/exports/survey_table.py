@@ -80,7 +80,7 @@ class SurveyTable:
     header: labels and values of the head block. covariance: shape (n, 3, 3), m^2, or None; if it is None,
     covariance_note gives the reason. left_out: sentences about stations that could not be printed. made_ns: time when
     the table was requested, ns since the epoch. stretches: the slide sheet. sections: further sections of the report,
-    with data that are not part of the list.
+    with data that are not part of the list. final: whether this is the final list of a well.
     """
 
     surveys: SurveyList
@@ -96,6 +96,7 @@ class SurveyTable:
     stretches: tuple[DrilledStretch, ...] = ()
     sections: tuple[Section, ...] = ()
     display: Display = AS_STORED
+    final: bool = False
 
     @property
     def remarks(self) -> tuple[str, ...]:

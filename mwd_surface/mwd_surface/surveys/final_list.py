@@ -25,6 +25,7 @@ from mwd_estimation.survey.tool_code import sensor_errors
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.unknown import or_none
 from mwd_surface.surveys import multi_station_analysis
+from mwd_surface.surveys.leg import Leg
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well_position import programme_of, uncertain_well
@@ -78,9 +79,9 @@ def final_list(sources: Sequence[ListSource]) -> FinalList:
     """
     Combine the sources of one well into one list; well, legs and rules come from the first source.
 
-    The stations of the other sources are put into the current leg of the first source. A survey that several sources
-    have (same uuid) is used once. Every magnetic run of at least three stations gets a multi-station analysis for
-    comparison.
+    Stations of the other sources belong to the path of the current leg of the first: below its kick-off to this leg,
+    above its kick-off to the leg that it leaves. A survey that several sources have (same uuid) is used once. Every
+    magnetic run of at least three stations gets a multi-station analysis for comparison.
 
     Raises
     ------
@@ -107,7 +108,7 @@ def _joined(whole: FinalList, source: ListSource, name: str) -> FinalList:
     name: name of the source of the stations that are already in the list.
     """
     surveys = whole.surveys
-    mine = [r for r in surveys.records if r.in_use and r.leg == surveys.leg]
+    mine = [r for r in surveys.records if r.in_use and _on_path(surveys, r)]
     theirs = _renamed(source, surveys)
     if not any(r.in_use for r in theirs):
         remark = f"{source.name}: none of its stations is used"
@@ -118,7 +119,7 @@ def _joined(whole: FinalList, source: ListSource, name: str) -> FinalList:
         return _with(whole, [*surveys.records, *theirs], theirs, source)
 
     def left_out(record: SurveyRecord, better: str) -> SurveyRecord:
-        if not (record.in_use and record.leg == surveys.leg and upper <= record.measured_depth <= lower):
+        if not (record.in_use and upper <= record.measured_depth <= lower and _on_path(surveys, record)):
             return record
         comment = f"{record.comment}; {better} is used here".removeprefix("; ")
         return dataclasses.replace(record, in_use=False, comment=comment)
@@ -138,22 +139,36 @@ def _joined(whole: FinalList, source: ListSource, name: str) -> FinalList:
     return dataclasses.replace(chosen, overlaps=(*whole.overlaps, overlap))
 
 
+def _on_path(surveys: SurveyList, record: SurveyRecord) -> bool:
+    """Return whether a station lies in the hole of the current leg: on this leg, or above a kick-off to it."""
+    return record.leg == _leg_at(surveys, record.measured_depth).name
+
+
+def _leg_at(surveys: SurveyList, measured_depth: float) -> Leg:
+    """Return the leg to which a depth, m, in the hole of the current leg belongs."""
+    leg = surveys.find_leg()
+    while leg.parent and measured_depth <= leg.tie_on.measured_depth:
+        leg = surveys.find_leg(leg.parent)
+    return leg
+
+
 def _renamed(source: ListSource, surveys: SurveyList) -> list[SurveyRecord]:
-    """Return the stations of a source that are not yet in a list, with new numbers and the current leg of the list."""
+    """Return the stations of a source, numbered for a list, on its current path, without those already in the list."""
     known = {record.survey.uuid for record in surveys.records}
-    above = surveys.find_leg().tie_on.measured_depth
     fresh = [r for r in source.surveys.records if r.survey.uuid not in known and math.isfinite(r.measured_depth)]
-    return [
-        dataclasses.replace(
+    found = []
+    for number, record in enumerate(fresh, surveys.next_sequence):
+        leg = _leg_at(surveys, record.measured_depth)
+        one = dataclasses.replace(
             record,
             survey=dataclasses.replace(record.survey, sequence=number),
-            leg=surveys.leg,
+            leg=leg.name,
             tool=record.tool or source.name,
             comment=f"{record.comment}; from {source.name}".removeprefix("; "),
-            in_use=record.in_use and record.measured_depth > above,
+            in_use=record.in_use and record.measured_depth > leg.tie_on.measured_depth,
         )
-        for number, record in enumerate(fresh, surveys.next_sequence)
-    ]
+        found.append(one)
+    return found
 
 
 def _with(
@@ -166,17 +181,17 @@ def _with(
     """
     code = source.code or source.surveys.well.error_model
     surveys = whole.surveys.with_records(records)
-    numbers = {r.survey.sequence for r in theirs if r.in_use}
+    legs = {r.survey.sequence: r.leg for r in theirs if r.in_use}
     path = surveys.definitive()
     intervals: list[Interval] = []
     for k, number in enumerate(path.sequence):
-        if number not in numbers:
+        if number not in legs:
             continue
-        above, here = float(path.md[k - 1]), float(path.md[k])
-        if intervals and intervals[-1].to_m == above:
+        above, here, leg = float(path.md[k - 1]), float(path.md[k]), legs[number]
+        if intervals and (intervals[-1].to_m, intervals[-1].leg) == (above, leg):
             intervals[-1] = dataclasses.replace(intervals[-1], to_m=here)
         else:
-            intervals.append(Interval(code, above, here, source.name, surveys.leg))
+            intervals.append(Interval(code, above, here, source.name, leg))
     programme = dataclasses.replace(whole.programme, intervals=(*intervals, *whole.programme.intervals))
     return dataclasses.replace(whole, surveys=surveys, programme=programme)
 

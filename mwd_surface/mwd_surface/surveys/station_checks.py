@@ -71,10 +71,13 @@ def conflicts(whole: SurveyList, record: SurveyRecord) -> list[str]:
     """
     rivals = at_same_depth(whole, record)
     why = [f"duplicate depth: survey {r.survey.sequence} is at {r.measured_depth:.2f} m" for r in rivals]
+    # A station without a time, as in a list of stations, was not taken before another one.
     deeper = [
         r
         for r in in_use_on(whole, record.leg)
-        if r.measured_depth > record.measured_depth and r.survey.stamp_ns < record.survey.stamp_ns and r not in rivals
+        if r.measured_depth > record.measured_depth
+        and 0 < r.survey.stamp_ns < record.survey.stamp_ns
+        and r not in rivals
     ]
     if deeper and not record.in_use:
         last = max(deeper, key=lambda r: r.measured_depth)

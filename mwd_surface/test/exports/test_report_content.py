@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a report says: nothing taken is missing, nothing unusual goes without a word."""
 
+import dataclasses
 import math
 
 import example_surveys as example
@@ -74,6 +75,21 @@ def test_the_run_is_summed_up_by_tool():
     assert (run["Axial"], run["spread"]) == ("850", "0")
     assert run["Azi accepted"] == "83"
     assert run["Disturbed by"] == "steel outside the string (1)"
+
+
+def test_stations_of_a_list_of_angles_do_not_stand_among_azimuths_by_method():
+    whole = example.surveys()
+    bare = [
+        dataclasses.replace(r, survey=dataclasses.replace(r.survey, azimuths=())) if r.survey.sequence == 3 else r
+        for r in whole.records
+    ]
+    compared = sheet(survey_table(whole.with_records(bare), 10**18), "Azimuth by method")
+    assert cells(compared, "Survey") == [str(k) for k in range(1, 13) if k != 3]
+
+
+def test_a_final_list_is_titled_so():
+    table = example.table()
+    assert content(dataclasses.replace(table, final=True)).title != content(table).title
 
 
 def test_azimuths_of_all_methods_stand_beside_each_other_from_one_north():

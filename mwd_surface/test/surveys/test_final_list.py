@@ -47,22 +47,22 @@ def test_in_an_overlap_the_surer_survey_is_used_and_the_other_stays_in_the_list(
     assert (overlap.used, overlap.left_out, overlap.apart) == ("ifr", "run", ())
     assert overlap.sigma_used < overlap.sigma_left_out
     assert len(final.surveys.records) == len(whole.records) + len(gyro().records)
-    used = [r for r in final.surveys.records if r.in_use and r.leg == "ST1"]
+    on_path = set(final.surveys.definitive().sequence)
+    used = [r for r in final.surveys.records if r.in_use and r.survey.sequence in on_path]
     inside = [r for r in used if overlap.from_m <= r.measured_depth <= overlap.to_m]
     assert {r.tool for r in inside} == {"ifr"}
+    # Above the kick-off at 500 m the stations belong to the leg that the sidetrack leaves.
+    assert {r.leg for r in inside if r.measured_depth <= 500.0} == {"main"}
+    assert {r.leg for r in inside if r.measured_depth > 500.0} == {"ST1"}
     left = [r for r in final.surveys.records if not r.in_use and "ifr is used here" in r.comment]
     assert left
     # The programme gives every station in use its own code.
     codes = {interval.code for interval in final.programme.intervals}
     assert codes == {"MWD+IFR1+MS", "MWD+SRGM"}
-    # Stations of the other leg are untouched.
-    assert [r for r in final.surveys.records if r.leg != "ST1" and r.in_use] == [
-        dataclasses.replace(r, survey=now.survey)
-        for r in whole.records
-        if r.leg != "ST1" and r.in_use
-        for now in final.surveys.records
-        if now.survey.uuid == r.survey.uuid
-    ]
+    # Stations below the kick-off in the hole that was left stay in use.
+    below = [r.survey.uuid for r in whole.records if r.leg != "ST1" and r.in_use and r.measured_depth > 500.0]
+    assert below
+    assert set(below) <= {r.survey.uuid for r in final.surveys.records if r.in_use}
 
 
 @pytest.mark.parametrize(("turn_deg", "apart"), [(0.3, False), (25.0, True)])

@@ -236,6 +236,13 @@ def test_a_decreasing_depth_goes_between_the_others_only_by_explicit_accept():
     assert whole.definitive().md.tolist() == [0.0, 100.0, 130.0, 145.0, 160.0, 190.0]
 
 
+def test_a_depth_does_not_decrease_after_stations_without_a_time():
+    whole = (
+        filled((100.0, 5.0, 30.0)).add(shot(2, 8.0, 32.0, stamp_ns=0), 190.0, 0.0).add(shot(3, 6.0, 31.0), 145.0, 0.0)
+    )
+    assert whole.definitive().md.tolist() == [0.0, 100.0, 145.0, 190.0]
+
+
 def test_a_survey_judged_late_is_not_called_decreasing():
     whole = SurveyList().add(shot(1, verdict=int(Verdict.DOUBTFUL)), 100.0, 0.0).add(shot(2), 130.0, 0.0)
     assert whole.accept(1, "Aslaug", "", 1).definitive().md.tolist() == [0.0, 100.0, 130.0]
