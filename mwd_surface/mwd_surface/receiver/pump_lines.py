@@ -142,9 +142,11 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
         out[i] += one
 
 
-def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angles: Array | None = None) -> Array:
+def pump_noise(
+    noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angles: Array | None = None
+) -> tuple[Array, bool]:
     """
-    Return the sum of all pump lines.
+    Return the sum of all pump lines, and whether they are better with the counted strokes than without.
 
     Parameters
     ----------
@@ -161,22 +163,25 @@ def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angle
     -------
     ndarray, shape (n,)
         Pressure caused by the pumps, Pa.
+    bool
+        Whether the strokes were used.
     """
-    plain = _lines(noise, known, memory, np.zeros((0, len(noise))))
+    plain = lines(noise, known, memory, np.zeros((0, len(noise))))
     if angles is None or not len(angles):
-        return plain
+        return plain, False
     # If the counter has jitter, or the pumps beat, subtraction with the strokes can be worse than without them.
-    counted = _lines(noise, known, memory, angles)
+    counted = lines(noise, known, memory, angles)
     taps, root = np.empty(_ORDER + 2), np.sqrt(known)
     unexplained = [prediction_error_filter(noise - one, root, _ORDER, _FLOOR, taps) for one in (plain, counted)]
     # The fitted harmonics also follow noise; estimate the share of its variance that their coefficients explain.
     fitted = 2.0 * _MOST_HARMONICS * len(angles) * len(noise) / (2.0 * math.sqrt(math.pi) * _STROKES_HOLD * memory)
     share = 1.0 - min(fitted / max(float(known.sum()), 1.0), 0.5)
-    return counted if unexplained[1] ** 2 < share * unexplained[0] ** 2 else plain
+    better = bool(unexplained[1] ** 2 < share * unexplained[0] ** 2)
+    return counted if better else plain, better
 
 
-def _lines(noise: Array, known: Array, memory: float, angles: Array) -> Array:
-    """Return the sum of the harmonics of counted strokes and of the lines that are left."""
+def lines(noise: Array, known: Array, memory: float, angles: Array) -> Array:
+    """Return the sum of the harmonics of counted strokes and of the lines that are left; arguments of `pump_noise`."""
     out = np.zeros(len(noise))
     rest = noise - np.mean(noise)
     for angle in angles:
