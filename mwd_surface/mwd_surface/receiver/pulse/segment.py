@@ -112,6 +112,8 @@ class StretchOnToolClock:
         Coefficients and precision of the response from before an interruption, if too few pulses precede this stretch.
     missing : float
         Probability that the pulse of a packet is missing.
+    sync : (int, int), optional
+        First sample of the sync before the packets, and the sample after it, if its size is wanted.
     """
 
     pressure: Array
@@ -126,6 +128,7 @@ class StretchOnToolClock:
     pace_error: float = 0.0
     carried: tuple[Array, Array] | None = None
     missing: float = MISSING
+    sync: tuple[int, int] | None = None
 
     def own(self) -> list[slice]:
         """Return the samples of each group."""
@@ -171,6 +174,9 @@ class DecodedStretch:
         Mean of the evidence in this noise if the pulses are like the earlier ones.
     disturbed : ndarray, shape (k,)
         Probability that a disturbance, not only steady noise, affects the pressure of the group of each packet.
+    sync : (float, float)
+        Size of the pulses of the sync relative to those of the packets, and its 1 sigma; infinite if it was not asked
+        for.
     """
 
     unary: Array
@@ -185,6 +191,7 @@ class DecodedStretch:
     evidence: float
     expected: float
     disturbed: Array
+    sync: tuple[float, float]
 
 
 def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStretch:
@@ -246,6 +253,7 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     return DecodedStretch(
         *(unary, level, common, probability, present, fits, state, stretch.per_packet(ebn0), timing),
         *(evidence - sum(ways), expected, stretch.per_packet(_disturbed(stretch, weight))),
+        _sync_size(stretch, probability * present, state, weight, whitened),
     )
 
 
@@ -436,6 +444,42 @@ def _estimate(
     state.response, state.scale = mean @ state.components, float(np.mean(scales))
     state.posterior = mean, np.mean(matrices, axis=0)
     return np.array(found) @ state.components, stretch.per_packet(unsure)
+
+
+def _sync_size(
+    stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, weight: Array, whitened: Array
+) -> tuple[float, float]:
+    """
+    Measure the size of the pulses of the sync relative to those of the packets.
+
+    Two tools that start together send their syncs at the same places, and their packets at different ones.
+
+    Returns
+    -------
+    (float, float)
+        Size and its 1 sigma, as in `DecodedStretch.sync`.
+    """
+    if stretch.sync is None:
+        return 1.0, math.inf
+    here = slice(max(stretch.sync[0] - BEFORE, 0), stretch.sync[1])
+    places = np.rint(stretch.pulses[:, 0]).astype(np.int64)
+    sync, mine = np.zeros(len(whitened)), (places >= here.start) & (places < here.stop)
+    np.add.at(sync, places[mine], stretch.pulses[mine, 1])
+    shapes = np.array([_whitened(one, state.whitener) for one in state.components])
+    columns, of_sync = np.empty((2, len(whitened), len(shapes)))
+    pulse_columns(_train(stretch, pulses), shapes, columns)
+    pulse_columns(sync, shapes, of_sync)
+    others, pairs = weight.copy(), np.empty(_LAGS)
+    others[here] = 0.0
+    place_pairs(_places(stretch, pulses), others, pairs)
+    matrix, right = _equations(columns, whitened, others)
+    u, _, covariance = coefficients(matrix + spread(pairs, shapes), right, state.scale)
+    expected = of_sync[here] @ u
+    rest = whitened[here] - (columns[here] - of_sync[here]) @ u
+    weighted = weight[here] * expected
+    power = max(float(weighted @ expected), 1e-300)
+    error = weighted @ of_sync[here]
+    return float(weighted @ rest) / power, math.sqrt(1.0 / power + float(error @ covariance @ error) / power**2)
 
 
 def _equations(columns: Array, whitened: Array, weight: Array) -> tuple[Array, Array]:

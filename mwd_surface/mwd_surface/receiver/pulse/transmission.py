@@ -20,7 +20,7 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.belief import Doubt, judge
+from mwd_surface.receiver.belief import TOOLFACE_LEVEL, Doubt, judge, second_tool
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
 from mwd_surface.receiver.pulse import passes, segment, trellis
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
@@ -36,7 +36,7 @@ _AFTER_TU = 14
 _LOST = 0.999
 _DOUBTFUL = 0.2
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
-_TWO_TOOLS = "two syncs overlap: two tools send at once; give them different pulse widths or transmit delays"
+_TWO_TOOLS = "two tools send at once; give them different pulse widths or transmit delays"
 FADED = "no pulses any more: flow off, too weak, or the tool began anew"
 # Prior of the share of missing pulses: its weight in packets; and the largest share.
 _PRIOR_PACKETS, _MOST_MISSING = 80.0, 0.15
@@ -105,6 +105,7 @@ class ReceivedTransmission:
         self._held: list[ReceivedWord] = []
         self._pending = Reception()
         self.begin, self.score, self.second = position, found.score, 0.0
+        self._two_tools = 0.0
         self.frames = self.base = 0
         self.published = self.sent = False
         self.lost = ""
@@ -248,14 +249,20 @@ class ReceivedTransmission:
             self._forget(now)
             return
         self._decode_again(now, heard)
-        words = self._words(now, 0, self.doubt.learn([part.soft for part in now.parts]), 1)
+        alone = 1.0 - self._two_tools
+        trusted = [alone * sure for sure in self.doubt.learn([part.soft for part in now.parts])]
+        words = self._words(now, 0, trusted, 1)
         # Retract a word that was shown and then found to have no pulses.
         words = [
             word if part.pulses else dataclasses.replace(word, status=ERASED)
             for word, part in zip(words, now.parts, strict=True)
         ]
         ebn0 = float(np.mean([part.ebn0_db for part in heard or now.parts]))
-        reason = _TWO_TOOLS if self.second > max(_SECOND, _SECOND_SHARE * self.score) else self.lost
+        # A second tool is named if it prevents all words from being believed and is more probable than a wrong table.
+        two = self._two_tools > max(1.0 - TOOLFACE_LEVEL, self.doubt.failing) or self.second > max(
+            _SECOND, _SECOND_SHARE * self.score
+        )
+        reason = _TWO_TOOLS if two else self.lost
         reason = reason or (_PARITIES_FAIL if self.doubt.failing > _DOUBTFUL else "")
         reason = reason or (FADED if len(heard) < len(now.parts) else "")
         report = FrameReport(self.frames, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, reason)
@@ -283,6 +290,10 @@ class ReceivedTransmission:
         groups = np.column_stack([firsts, starts, np.add(starts, [part.length for part in parts])])
         probability = np.concatenate([part.probability for part in parts])
         stretch = self._stretch(rows, groups, now.start, probability)
+        if now.start == self._boundary + SAMPLES_PER_TU * self._tool.header_tu:
+            end = stretch.start - now.start + self._boundary
+            begin = end - SAMPLES_PER_TU * self._tool.sync.length_tu
+            stretch = dataclasses.replace(stretch, sync=(begin, end) if begin > 0 else None)
         decision = segment.decode(stretch, self._channel)
         self._channel = decision.channel
         items = tuple(part.item for part in parts)
@@ -291,6 +302,8 @@ class ReceivedTransmission:
             mine = slice(first, first + len(part.rows))
             part.probability, part.present = decision.probability[mine], decision.present[mine]
             part.ebn0_db, part.soft = float(decision.ebn0_db[first]), one
+        if stretch.sync is not None:
+            self._two_tools = second_tool(*decision.sync, soft)
 
     def _forget(self, now: Pass) -> None:
         """Keep only the pulses of a pass that later passes need."""
