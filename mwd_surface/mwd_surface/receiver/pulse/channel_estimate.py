@@ -260,7 +260,7 @@ def reconstruct(train: Array, response: Array, out: Array) -> None:
     """Fill out, shape (n,), with the pressure of a train of pulses; the response begins `BEFORE` the edge."""
     out[:] = 0.0
     for i in range(len(train)):
-        if train[i] > 1e-4:
+        if abs(train[i]) > 1e-4:
             for k in range(len(response)):
                 j = i - BEFORE + k
                 if 0 <= j < len(out):

@@ -44,6 +44,7 @@ _KEPT = 0.5  # share of the previous sample that is subtracted before noise mode
 _ROUNDS = 2
 _LAGS = 20  # largest distance between two possible places of one pulse, TU
 _TAIL = 24  # samples by which whitening lengthens the response
+_FEW = 1e-4  # expected number of pulses at a place below which they do not count
 # Prior probability that the pulse of a packet is missing, and probability that its window holds a second pulse.
 MISSING, _EXTRA = 0.003, 0.0005
 _ENOUGH = 20.0  # number of pulses that suffice to estimate a response without the response from before an interruption
@@ -594,18 +595,10 @@ def _timing(
     # Delaying a response by tau changes it by -tau times its slope; tau is a constant plus a drift.
     late, drifting = np.empty(len(train)), np.empty(len(train))
     reconstruct(train, -slope, late)
-    _weighted_train(train, at - middle, -slope, drifting)
+    reconstruct(np.where(train > _FEW, train * (at - middle), 0.0), -slope, drifting)
     both, right = float(late @ (weight * drifting)), float(drifting @ (weight * rest))
     own, other = float(drifting @ (weight * drifting)), float(late @ (weight * late))
     if own * other <= both * both:
         return 0.0, 1.0, 0.0
     left = own - both * both / other
     return (right - both / other * float(late @ (weight * rest))) / left, 1.0 / left, middle - stretch.start
-
-
-def _weighted_train(train: Array, weight: Array, response: Array, out: Array) -> None:
-    """Fill out, shape (n,), with a train of pulses whose weights may be negative."""
-    negative = np.empty(len(out))
-    reconstruct(train * np.maximum(weight, 0.0), response, out)
-    reconstruct(train * np.maximum(-weight, 0.0), response, negative)
-    out -= negative
