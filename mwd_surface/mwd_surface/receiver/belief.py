@@ -30,6 +30,14 @@ _SLIP = 0.01
 _MOST_FIT = 0.5
 
 
+# Probability that a second tool of the same kind starts together with the first. The sizes of the pulses of their syncs
+# together, relative to those of one tool, are evenly distributed: the second tool is nearer or farther. The pulses of a
+# single tool change their size by this share (1 sigma), because the well changes.
+_SECOND_TOOL, _SYNC_SIZES, _SIZE_CHANGES = 0.01, (1.25, 2.25), 0.07
+# Greatest log likelihood ratio for a second tool by the size of the sync: the parities can speak against it.
+_MOST_SECOND = 8.0
+
+
 @dataclasses.dataclass(frozen=True)
 class Candidate:
     """A possible value of a word: its code without parity, and its probability if the configuration is right."""
@@ -109,6 +117,29 @@ class Doubt:
             stays, turns = 1.0 - _BECOMES_WRONG, 1.0 - _BECOMES_RIGHT
             later = math.log((stays * ahead + _BECOMES_WRONG) / (_BECOMES_RIGHT * ahead + turns))
         return trusted[::-1]
+
+
+def second_tool(size: float, sigma: float, words: list[Soft]) -> float:
+    """
+    Return the probability that a second tool sends at the same time.
+
+    Parameters
+    ----------
+    size, sigma : float
+        Size of the pulses of the sync relative to those of the words, and its 1 sigma.
+    words : list of Soft
+        Words after the sync: parities that hold speak for a single tool.
+    """
+    if not math.isfinite(sigma):
+        return 0.0
+    spread = math.sqrt(2.0 * (sigma**2 + _SIZE_CHANGES**2))
+    low, high = (math.erf((size - edge) / spread) for edge in _SYNC_SIZES)
+    two = max(0.5 * (low - high) / (_SYNC_SIZES[1] - _SYNC_SIZES[0]), 1e-300)
+    ratio = math.log(two) + ((size - 1.0) / spread) ** 2 + math.log(spread * math.sqrt(math.pi))
+    parities = sum(_evidence(dataclasses.replace(word, fits=math.nan)) for word in words)
+    # A single tool has the right table, or a wrong one, whose parities say nothing.
+    single = math.log(math.exp(parities) + _FAILING)
+    return _probability(min(ratio, _MOST_SECOND) - single - math.log(1.0 / _SECOND_TOOL - 1.0))
 
 
 def _probability(odds: float) -> float:

@@ -225,12 +225,14 @@ def _local_line(time: Array, turns: Array, sigma: float, smoothed: Array, others
     others: the line is without the stroke.
     """
     reach = math.ceil(2.5 * sigma)
+    falls = np.exp(-0.5 * (np.arange(4 * reach) / sigma) ** 2)
     for k in range(len(time)):
         s0 = s1 = s2 = t0 = t1 = 0.0
         for j in range(max(k - reach, 0), min(k + reach + 1, len(time))):
-            if j != k:
-                x, y = turns[j] - turns[k], time[j] - time[k]
-                g = math.exp(-0.5 * (x / sigma) ** 2)
+            x, y = turns[j] - turns[k], time[j] - time[k]
+            # After missed strokes the next ones can be so far away that they do not count.
+            if j != k and abs(x) < len(falls):
+                g = falls[int(abs(x))]
                 s0 += g
                 s1 += g * x
                 s2 += g * x * x

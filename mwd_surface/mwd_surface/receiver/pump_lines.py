@@ -109,10 +109,13 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
         return
     in_phase, across, weight = np.zeros(count), np.zeros(count), np.zeros(count)
     for b in range(count):
+        c = s = w = 0.0
         for i in range(b * _BLOCK, (b + 1) * _BLOCK):
-            in_phase[b] += 2.0 * known[i] * noise[i] * cosine[i]
-            across[b] += 2.0 * known[i] * noise[i] * sine[i]
-            weight[b] += known[i]
+            x = 2.0 * known[i] * noise[i]
+            c += x * cosine[i]
+            s += x * sine[i]
+            w += known[i]
+        in_phase[b], across[b], weight[b] = c, s, w
     sigma = memory / _BLOCK
     reach = int(3.0 * sigma)
     falls = np.exp(-0.5 * (np.arange(reach + 1) / sigma) ** 2)
@@ -133,19 +136,22 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
     # The average of noise alone has a share of 1 / (2 sqrt(pi) sigma) of the power of the noise.
     if line * 2.0 * math.sqrt(math.pi) * sigma < _COHERENT * max(raw - line, 0.0):
         return
-    for i in range(n):
-        at = min(max((i + 0.5) / _BLOCK - 0.5, 0.0), count - 1.0)
-        b = min(int(at), count - 2)
-        share = at - b
-        one = (smooth_c[b] * (1.0 - share) + smooth_c[b + 1] * share) * cosine[i]
-        one += (smooth_s[b] * (1.0 - share) + smooth_s[b + 1] * share) * sine[i]
-        noise[i] -= one
-        out[i] += one
+    # Between the middles of two blocks the line changes evenly; before the first and after the last it is constant.
+    for b in range(count + 1):
+        left, right, middle = max(b - 1, 0), min(b, count - 1), _BLOCK * b - _BLOCK // 2
+        for i in range(max(middle, 0), middle + _BLOCK if b < count else n):
+            share = (i - middle + 0.5) / _BLOCK
+            one = (smooth_c[left] * (1.0 - share) + smooth_c[right] * share) * cosine[i]
+            one += (smooth_s[left] * (1.0 - share) + smooth_s[right] * share) * sine[i]
+            noise[i] -= one
+            out[i] += one
 
 
-def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angles: Array | None = None) -> Array:
+def pump_noise(
+    noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angles: Array | None = None
+) -> tuple[Array, bool]:
     """
-    Return the sum of all pump lines.
+    Return the sum of all pump lines, and whether they are better with the counted strokes than without.
 
     Parameters
     ----------
@@ -162,22 +168,25 @@ def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angle
     -------
     ndarray, shape (n,)
         Pressure caused by the pumps, Pa.
+    bool
+        Whether the strokes were used.
     """
-    plain = _lines(noise, known, memory, np.zeros((0, len(noise))))
+    plain = lines(noise, known, memory, np.zeros((0, len(noise))))
     if angles is None or not len(angles):
-        return plain
+        return plain, False
     # If the counter has jitter, or the pumps beat, subtraction with the strokes can be worse than without them.
-    counted = _lines(noise, known, memory, angles)
+    counted = lines(noise, known, memory, angles)
     taps, root = np.empty(_ORDER + 2), np.sqrt(known)
     unexplained = [prediction_error_filter(noise - one, root, _ORDER, _FLOOR, taps) for one in (plain, counted)]
     # The fitted harmonics also follow noise; estimate the share of its variance that their coefficients explain.
     fitted = 2.0 * _MOST_HARMONICS * len(angles) * len(noise) / (2.0 * math.sqrt(math.pi) * _STROKES_HOLD * memory)
     share = 1.0 - min(fitted / max(float(known.sum()), 1.0), 0.5)
-    return counted if unexplained[1] ** 2 < share * unexplained[0] ** 2 else plain
+    better = bool(unexplained[1] ** 2 < share * unexplained[0] ** 2)
+    return counted if better else plain, better
 
 
-def _lines(noise: Array, known: Array, memory: float, angles: Array) -> Array:
-    """Return the sum of the harmonics of counted strokes and of the lines that are left."""
+def lines(noise: Array, known: Array, memory: float, angles: Array) -> Array:
+    """Return the sum of the harmonics of counted strokes and of the lines that are left; arguments of `pump_noise`."""
     out = np.zeros(len(noise))
     rest = noise - np.mean(noise)
     for angle in angles:
@@ -192,11 +201,22 @@ def _lines(noise: Array, known: Array, memory: float, angles: Array) -> Array:
 def _subtract_strokes(rest: Array, known: Array, angle: Array, memory: float, out: Array) -> None:
     """Subtract the harmonics of one pump, up to a share of the highest frequency in the samples."""
     steps = np.diff(angle)
-    if not np.any(np.isfinite(steps)):
-        return
-    turn = np.where(np.isfinite(angle), np.exp(1j * np.nan_to_num(angle)), 0.0)
-    runs = known * np.isfinite(angle)
-    one = turn.copy()
-    for _ in range(min(int(_HIGHEST * math.pi / max(float(np.nanmedian(steps)), 1e-9)), _MOST_HARMONICS)):
-        subtract_line(rest, runs, one.real.copy(), one.imag.copy(), _STROKES_HOLD * memory, out)
-        one *= turn
+    if np.any(np.isfinite(steps)):
+        highest = int(_HIGHEST * math.pi / max(float(np.nanmedian(steps)), 1e-9))
+        _subtract_harmonics(rest, known, angle, min(highest, _MOST_HARMONICS), _STROKES_HOLD * memory, out)
+
+
+@compiled
+def _subtract_harmonics(rest: Array, known: Array, angle: Array, harmonics: int, memory: float, out: Array) -> None:
+    """Subtract the first harmonics of an angle, which is NaN where it is unknown; arguments as in `subtract_line`."""
+    n = len(rest)
+    turn_c, turn_s, runs = np.zeros(n), np.zeros(n), np.zeros(n)
+    for i in range(n):
+        if math.isfinite(angle[i]):
+            turn_c[i], turn_s[i], runs[i] = math.cos(angle[i]), math.sin(angle[i]), known[i]
+    cosine, sine = turn_c.copy(), turn_s.copy()
+    for _ in range(harmonics):
+        subtract_line(rest, runs, cosine, sine, memory, out)
+        for i in range(n):
+            c = cosine[i]
+            cosine[i], sine[i] = c * turn_c[i] - sine[i] * turn_s[i], c * turn_s[i] + sine[i] * turn_c[i]

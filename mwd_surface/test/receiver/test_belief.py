@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mwd_surface.receiver.belief import SURVEY_LEVEL, TOOLFACE_LEVEL, Candidate, Doubt, Soft, judge
+from mwd_surface.receiver.belief import SURVEY_LEVEL, TOOLFACE_LEVEL, Candidate, Doubt, Soft, judge, second_tool
 
 
 def soft(right=0.999, holds=0.98):
@@ -99,3 +99,14 @@ def test_help_and_tutorial_name_the_probability_from_which_a_word_is_believed():
         assert re.search(
             rf"{SURVEY_LEVEL:g} (or more )?\(survey\) or {TOOLFACE_LEVEL:g} (or more )?\(toolface\)", words
         ), page
+
+
+def test_a_sync_larger_than_the_words_shows_a_second_tool_unless_the_parities_hold():
+    open_, held = (Soft((Candidate(1, 0.9),), holds) for holds in (0.5, 1.0))
+    sizes = (0.8, 1.0, 1.2, 1.4, 1.6, 1.8)
+    chances = [second_tool(size, 0.12, [open_] * 8) for size in sizes]
+    assert chances == sorted(chances)
+    assert chances[1] < 0.002
+    assert chances[-1] > 0.9
+    assert all(second_tool(size, 0.12, [held] * 8) < one for size, one in zip(sizes, chances, strict=True))
+    assert second_tool(1.8, np.inf, [open_]) == 0.0

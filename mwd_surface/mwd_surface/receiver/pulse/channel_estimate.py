@@ -79,9 +79,9 @@ def basis(length: int, tu_s: float) -> Array:
 
 
 @compiled
-def normal_equations(train: Array, shapes: Array, whitened: Array, weight: Array, matrix: Array, right: Array) -> None:
+def pulse_columns(train: Array, shapes: Array, columns: Array) -> None:
     """
-    Fill the normal equations of the coefficients of the response.
+    Fill the whitened pressure of a train of pulses for each component of the response.
 
     Parameters
     ----------
@@ -89,15 +89,12 @@ def normal_equations(train: Array, shapes: Array, whitened: Array, weight: Array
         Expected number of edges at each sample.
     shapes : ndarray, shape (c, m)
         Whitened components, which begin `BEFORE` samples before the edge.
-    whitened : ndarray, shape (n,)
-        Whitened pressure.
-    weight : ndarray, shape (n,)
-        Weight of each sample.
-    matrix, right : ndarray, shapes (c, c), (c,)
+    columns : ndarray, shape (n, c)
         Filled by this function.
     """
     n, (c, m) = len(train), shapes.shape
-    columns, turned = np.zeros((n, c)), np.ascontiguousarray(shapes.T)
+    turned = np.ascontiguousarray(shapes.T)
+    columns[:] = 0.0
     for i in range(n):
         if train[i] > 1e-4:
             for k in range(m):
@@ -105,6 +102,25 @@ def normal_equations(train: Array, shapes: Array, whitened: Array, weight: Array
                 if 0 <= j < n:
                     for a in range(c):
                         columns[j, a] += train[i] * turned[k, a]
+
+
+@compiled
+def normal_equations(columns: Array, whitened: Array, weight: Array, matrix: Array, right: Array) -> None:
+    """
+    Fill the normal equations of the coefficients.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, c)
+        Pressure for each component, from `pulse_columns`.
+    whitened : ndarray, shape (n,)
+        Whitened pressure.
+    weight : ndarray, shape (n,)
+        Weight of each sample.
+    matrix, right : ndarray, shapes (c, c), (c,)
+        Filled by this function.
+    """
+    n, c = columns.shape
     matrix[:] = 0.0
     right[:] = 0.0
     for j in range(n):
@@ -182,22 +198,22 @@ def spread(pairs: Array, shapes: Array) -> Array:
 
     Parameters
     ----------
-    pairs : ndarray, shape (k,)
+    pairs : ndarray, shape (..., k)
         Sums from `place_pairs`.
     shapes : ndarray, shape (c, m)
         Whitened components.
 
     Returns
     -------
-    ndarray, shape (c, c)
+    ndarray, shape (..., c, c)
     """
-    out = np.zeros((len(shapes), len(shapes)))
+    out = np.zeros((*pairs.shape[:-1], len(shapes), len(shapes)))
     gram = shapes @ shapes.T
     # A gap of 0 adds nothing: both pulses are at one place.
-    for gap in 1 + np.flatnonzero(pairs[1:] > _FEW):
+    for gap in 1 + np.flatnonzero(np.atleast_2d(pairs)[:, 1:].max(axis=0) > _FEW):
         k = SAMPLES_PER_TU * int(gap)
         common = shapes[:, k:] @ shapes[:, :-k].T
-        out += pairs[gap] * (2.0 * gram - common - common.T)
+        out += pairs[..., gap, None, None] * (2.0 * gram - common - common.T)
     return out
 
 
@@ -245,7 +261,7 @@ def reconstruct(train: Array, response: Array, out: Array) -> None:
     """Fill out, shape (n,), with the pressure of a train of pulses; the response begins `BEFORE` the edge."""
     out[:] = 0.0
     for i in range(len(train)):
-        if train[i] > 1e-4:
+        if abs(train[i]) > 1e-4:
             for k in range(len(response)):
                 j = i - BEFORE + k
                 if 0 <= j < len(out):

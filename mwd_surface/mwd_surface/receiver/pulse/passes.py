@@ -160,7 +160,8 @@ def parts_of(
         mine = slice(first, first + len(rows))
         parts.append(
             DecodedWord(
-                item, rows, at, length, decision.probability[mine], decision.present[mine], one, decision.ebn0_db
+                *(item, rows, at, length, decision.probability[mine], decision.present[mine], one),
+                float(decision.ebn0_db[first]),
             )
         )
         first += len(rows)
@@ -240,7 +241,7 @@ def _soft_values(
                 codes[k].setdefault(value, [0.0] * len(_TEMPERATURES))[t] += math.exp(min(log - evidence, 0.0))
     chances = [np.array(list(one.values())).T for one in codes]
     return [
-        _mixed(list(codes[k]), chances[k], holds[k] if item.parity else None, decision.disturbed)
+        _mixed(list(codes[k]), chances[k], holds[k] if item.parity else None, float(decision.disturbed[firsts[k]]))
         for k, item in enumerate(items)
     ]
 
@@ -272,7 +273,8 @@ def _soft_ranks(
         each = np.array(chances[k])
         best = np.unique(np.argsort(-each, axis=1, kind="stable")[:, :_BEAM])
         codes = [int(code) >> item.parity for code in best]
-        softs.append(_mixed(codes, each[:, best], holds[k] if item.parity else None, decision.disturbed))
+        held_k = holds[k] if item.parity else None
+        softs.append(_mixed(codes, each[:, best], held_k, float(decision.disturbed[ends[k]])))
     return softs
 
 

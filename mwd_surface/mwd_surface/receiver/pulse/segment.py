@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Decoder of one stretch of a transmission: it finds packets and noise together, with the channel of the other pulses.
+Decoder of a stretch of a transmission: it finds packets and noise together, with the channel of the other pulses.
 
-It alternates a forward-backward pass over the packets with a new noise model. The channel is estimated from the sync
-and the packets already decoded, before and after the stretch, never from the pressure of the stretch itself. The
+It alternates a forward-backward pass over the packets with a new noise model. The packets are those of the next words
+or, when a pass of a sequence is complete, those of all its words again, each word being a group. The channel of a group
+is estimated from the sync and the packets before and after the group, never from the pressure of the group itself. The
 uncertainty of the channel is added to the noise.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,20 +29,22 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     matched,
     normal_equations,
     place_pairs,
+    pulse_columns,
     reconstruct,
     sensitivity,
     spread,
     uncertainty,
 )
-from mwd_surface.receiver.pump_lines import SEARCH_SAMPLES, pump_noise
+from mwd_surface.receiver.pump_lines import lines, pump_noise
 from mwd_surface.receiver.whitening import filtered, precision, prediction_error_filter
 
 ORDER = 40  # highest order of the noise model
 FLOOR = 1e-6  # white noise added to the noise model, as a share of its variance
 _KEPT = 0.5  # share of the previous sample that is subtracted before noise modelling where the level is steady
-_ROUNDS, _ROUNDS_AGAIN = 4, 2  # number of iterations of the first and of a later decoding
+_ROUNDS = 2
 _LAGS = 20  # largest distance between two possible places of one pulse, TU
 _TAIL = 24  # samples by which whitening lengthens the response
+_FEW = 1e-4  # expected number of pulses at a place below which they do not count
 # Prior probability that the pulse of a packet is missing, and probability that its window holds a second pulse.
 MISSING, _EXTRA = 0.003, 0.0005
 _ENOUGH = 20.0  # number of pulses that suffice to estimate a response without the response from before an interruption
@@ -87,15 +92,16 @@ class StretchOnToolClock:
     pressure, known : ndarray, shape (n,)
         Pressure, Pa; 1 where a sample is known.
     pulses : ndarray, shape (j, 3)
-        Pulses before the packets and, in the second decoding, after them, as in `channel_estimate.place_pairs`.
+        Pulses before the packets, as in `channel_estimate.place_pairs`.
     packets : ndarray, shape (k, 6)
         Packets, as in `trellis.forward_backward`; starts in TU after `start`.
+    groups : ndarray, shape (g, 3)
+        Groups of packets; the response for a group is estimated without the pressure of that group. Columns: number of
+        the first packet; first place and place after the last, TU after `start`.
     start : int
         Sample of TU 0 of the packets.
     parity : int
         0 even, 1 odd.
-    end : int
-        Sample up to which the pressure belongs to the packets and is not used to estimate the response; 0: all is used.
     probability : ndarray, shape (k, values), optional
         Probability of each packet value from an earlier decoding.
     angles : ndarray, shape (pumps, n), optional
@@ -107,20 +113,38 @@ class StretchOnToolClock:
         Coefficients and precision of the response from before an interruption, if too few pulses precede this stretch.
     missing : float
         Probability that the pulse of a packet is missing.
+    sync : (int, int), optional
+        First sample of the sync before the packets, and the sample after it, if its size is wanted.
     """
 
     pressure: Array
     known: Array
     pulses: Array
     packets: Indices
+    groups: Indices
     start: int
     parity: int
-    end: int
     probability: Array | None = None
     angles: Array | None = None
     pace_error: float = 0.0
     carried: tuple[Array, Array] | None = None
     missing: float = MISSING
+    sync: tuple[int, int] | None = None
+
+    def own(self) -> list[slice]:
+        """Return the samples of each group."""
+        return [
+            slice(max(self.start + SAMPLES_PER_TU * int(begin) - BEFORE, 0), self.start + SAMPLES_PER_TU * int(end))
+            for _, begin, end in self.groups
+        ]
+
+    def members(self) -> list[slice]:
+        """Return the packets of each group."""
+        return [slice(*ends) for ends in itertools.pairwise([*self.groups[:, 0], len(self.packets)])]
+
+    def per_packet(self, values: Sequence[float] | Array) -> Array:
+        """Return a value of each group for each of its packets; shape (k,)."""
+        return np.repeat(values, np.diff([*self.groups[:, 0], len(self.packets)]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -140,8 +164,8 @@ class DecodedStretch:
         Log likelihood ratio of each packet: one pulse in its window, against one, two, or two of half size anywhere.
     channel : ChannelEstimate
         Channel estimated from the other pulses, with the noise model of this stretch.
-    ebn0_db : float
-        Energy per bit over noise density.
+    ebn0_db : ndarray, shape (k,)
+        Energy per bit over noise density, of the group of each packet.
     timing : (float, float, float)
         Relative drift of the pulses against the sample clock, its variance, and the sample about which it is measured,
         relative to TU 0 of the packets.
@@ -149,8 +173,11 @@ class DecodedStretch:
         Log likelihood ratio of pulses, at any of their places, against no pulses.
     expected : float
         Mean of the evidence in this noise if the pulses are like the earlier ones.
-    disturbed : float
-        Probability that a disturbance, not only steady noise, affects the pressure of the packets.
+    disturbed : ndarray, shape (k,)
+        Probability that a disturbance, not only steady noise, affects the pressure of the group of each packet.
+    sync : (float, float)
+        Size of the pulses of the sync relative to those of the packets, and its 1 sigma; infinite if it was not asked
+        for.
     """
 
     unary: Array
@@ -160,11 +187,12 @@ class DecodedStretch:
     present: Array
     fits: Array
     channel: ChannelEstimate
-    ebn0_db: float
+    ebn0_db: Array
     timing: tuple[float, float, float]
     evidence: float
     expected: float
-    disturbed: float
+    disturbed: Array
+    sync: tuple[float, float]
 
 
 def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStretch:
@@ -177,44 +205,33 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     channel : ChannelEstimate
         Estimate to start from.
     """
-    packets = stretch.packets
-    n, count = len(stretch.pressure), len(packets)
-    weight = stretch.known.copy()
-    again = stretch.probability is not None
+    packets, count = stretch.packets, len(stretch.packets)
+    weight, again = stretch.known.copy(), stretch.probability is not None
     probability = trellis.uniform(packets) if stretch.probability is None else stretch.probability.copy()
     values = trellis.values_of(packets)
-    reach = channel.components.shape[1] + _TAIL
-    whitened, shapes = np.empty(n), np.empty((len(channel.components), reach))
+    whitened = np.empty(len(stretch.pressure))
     state = dataclasses.replace(channel)
-    span = int(packets[-1, trellis.START] + packets[-1, trellis.COUNT]) + GAP_TU
+    span = int(stretch.groups[-1, 2])
     unary, level = np.zeros((count, values)), np.ones(count)
     common = np.zeros(1)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     even, evidence = np.empty(count), 0.0
     present, metric, sure = np.ones((count, values)), np.zeros(span), np.ones(count)
-    pumps = (
-        _pumps(stretch, state, probability)
-        if again
-        else _background(stretch.pressure, stretch.known, SEARCH_SAMPLES, stretch.angles)
-    )
-    for turn in range(_ROUNDS_AGAIN if again else _ROUNDS):
+    pumps, angles = _pumps(stretch, state, probability)
+    for turn in range(_ROUNDS):
         filtered(stretch.pressure - pumps, state.whitener, whitened)
-        _whitened_shapes(state, shapes)
         pulses = probability * present
         train = _train(stretch, pulses)
-        unsure = _estimate(stretch, state, shapes, whitened, (weight, train, _places(stretch, pulses)))
+        responses, unsure = _estimate(stretch, state, whitened, (weight, train, _places(stretch, pulses)))
         g = _whitened(state.response, state.whitener)
         sure = 1.0 / (1.0 + unsure + _lateness(stretch, weight * train, sensitivity(g)))
         weight = _weights(stretch, train, g, whitened) if turn > 0 or again else weight
-        out, energy = np.empty(span), np.empty(span)
-        matched(whitened, weight, g, stretch.start, out, energy)
-        common = common_energy(g, reach // SAMPLES_PER_TU)
-        level = _levels(packets, energy, common[0])
+        metric, level = _metric(stretch, responses, state.whitener, (whitened, weight))
+        common = common_energy(g, len(g) // SAMPLES_PER_TU)
         others = np.round((stretch.pulses[:, 0] - stretch.start) / SAMPLES_PER_TU)
         near = (others > -len(common)) & (others < span + len(common))
         shared, beside, none = np.empty((count, values)), np.empty((count, values)), np.empty(0)
         trellis.mean_interference(packets, others[near], stretch.pulses[near, 1], common, level, pulses, False, shared)
-        metric = out - 0.5 * energy
         unary = sure[:, None] * (metric[trellis.places_of(packets)] - shared)
         level = sure * level
         if not packets[0, trellis.RISING]:
@@ -223,27 +240,46 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
             unary += beside
         trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
         evidence = trellis.marginals(packets, forward, backward, probability, even)
-        if not (again and turn == _ROUNDS_AGAIN - 1):
-            pumps = _new_noise(stretch, probability * present, state, weight)
+        if not (again and turn == _ROUNDS - 1):
+            pumps = _new_noise(stretch, probability * present, state, (weight, angles))
     fits = _fits(stretch, metric, sure, common, level, probability * present)
     g = _whitened(state.response, state.whitener)
-    ways = trellis.log_ways(packets)
-    ebn0 = 10.0 * np.log10(max(float(g @ g) * count * math.log(2.0) / (2.0 * ways), 1e-6))
+    members = stretch.members()
+    ways = [trellis.log_ways(packets[mine]) for mine in members]
+    counts = np.array([mine.stop - mine.start for mine in members])
+    ebn0 = 10.0 * np.log10(np.maximum(float(g @ g) * counts * math.log(2.0) / (2.0 * np.array(ways)), 1e-6))
     # A pulse at its true place has a metric of half its energy, reduced where samples or response are uncertain.
-    expected = 0.5 * float(g @ g * level.sum()) - ways
-    timing = (
-        (0.0, 1.0, 0.0) if again and stretch.end > 0 else _timing(stretch, probability * present, state, weight, pumps)
-    )
+    expected = 0.5 * float(g @ g * level.sum()) - sum(ways)
+    timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability * present, state, weight, pumps)
     return DecodedStretch(
-        *(unary, level, common, probability, present, fits, state, float(ebn0), timing),
-        *(evidence - ways, expected, _disturbed(stretch, weight)),
+        *(unary, level, common, probability, present, fits, state, stretch.per_packet(ebn0), timing),
+        *(evidence - sum(ways), expected, stretch.per_packet(_disturbed(stretch, weight))),
+        _sync_size(stretch, probability * present, state, weight, whitened),
     )
 
 
-def _disturbed(stretch: StretchOnToolClock, weight: Array) -> float:
-    """Return the probability that a disturbance affects the samples of the packets, by their weights."""
-    own = slice(max(stretch.start - BEFORE, 0), stretch.end)
-    return 1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own])))
+def _metric(
+    stretch: StretchOnToolClock, responses: Array, whitener: Array, data: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """
+    Return the metric of one pulse at each TU, and the weight of the data of each packet.
+
+    responses, shape (g, m): response for each group; data: whitened pressure and weights.
+    """
+    metric, level = np.zeros(int(stretch.groups[-1, 2])), np.ones(len(stretch.packets))
+    for (_, begin, end), mine, response in zip(stretch.groups, stretch.members(), responses, strict=True):
+        g = _whitened(response, whitener)
+        out, energy = np.empty(end - begin), np.empty(end - begin)
+        matched(*data, g, stretch.start + SAMPLES_PER_TU * int(begin), out, energy)
+        metric[begin:end] = out - 0.5 * energy
+        middle = stretch.packets[mine, trellis.START] + stretch.packets[mine, trellis.COUNT] // 2 - begin
+        level[mine] = np.clip(energy[middle] / max(float(g @ g), 1e-300), 0.0, 1.0)
+    return metric, level
+
+
+def _disturbed(stretch: StretchOnToolClock, weight: Array) -> Array:
+    """Return the probability that a disturbance affects the samples of each group, by their weights."""
+    return np.array([1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own]))) for own in stretch.own()])
 
 
 def _any_pulses(packets: Indices, unary: Array, common: Array, level: Array, missing: float) -> tuple[Array, Array]:
@@ -348,59 +384,111 @@ def _places(stretch: StretchOnToolClock, probability: Array) -> Array:
     return np.concatenate([stretch.pulses, *own])
 
 
-def _levels(packets: Indices, energy: Array, whole: float) -> Array:
-    middle = packets[:, trellis.START] + packets[:, trellis.COUNT] // 2
-    return np.asarray(np.clip(energy[middle] / max(whole, 1e-300), 0.0, 1.0))
-
-
 def _whitened(response: Array, whitener: Array) -> Array:
     return np.convolve(response, whitener)[: len(response) + _TAIL]
 
 
-def _whitened_shapes(state: ChannelEstimate, shapes: Array) -> None:
-    for k, one in enumerate(state.components):
-        shapes[k] = _whitened(one, state.whitener)
-
-
-def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Array) -> Array:
-    """Return the sum of level and pump noise of a stretch whose pulses are known from an earlier decoding."""
+def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Array) -> tuple[Array, Array]:
+    """Return level and pump noise of a stretch without the pulses known so far, and the crank angles that help."""
     explained = np.empty(len(stretch.pressure))
     reconstruct(_train(stretch, probability), state.response, explained)
-    return _background(stretch.pressure - explained, stretch.known, state.memory, stretch.angles)
+    noise = stretch.pressure - explained
+    pumps, counted = pump_noise(noise, stretch.known, state.memory, stretch.angles)
+    none = np.zeros((0, len(noise)))
+    return pumps + _level(noise, stretch.known), stretch.angles if counted and stretch.angles is not None else none
 
 
 def _estimate(
-    stretch: StretchOnToolClock,
-    state: ChannelEstimate,
-    shapes: Array,
-    whitened: Array,
-    pulses: tuple[Array, Array, Array],
-) -> float:
+    stretch: StretchOnToolClock, state: ChannelEstimate, whitened: Array, pulses: tuple[Array, Array, Array]
+) -> tuple[Array, Array]:
     """
-    Estimate the response from the pulses around the packets and store it in `state`.
+    Estimate the response from the pulses around each group; `state` receives the mean of these estimates.
 
-    Return the variance that the errors of the response and of the noise model add to a decision, in units of the noise.
-    The pressure of the packets themselves is not used, because a response estimated from its own decisions confirms
-    them.
+    The pressure of the group itself is not used, because a response estimated from its own decisions confirms them.
+
+    Returns
+    -------
+    ndarray, shape (g, m)
+        Response for each group, Pa.
+    ndarray, shape (k,)
+        Variance that the errors of the response and of the noise model add to the decision on each packet, in units of
+        the noise.
     """
-    count = len(shapes)
-    matrix, right = np.empty((count, count)), np.empty(count)
     weight, train, places = pulses
-    others = weight.copy()
-    others[max(stretch.start - BEFORE, 0) : stretch.end] = 0.0
-    normal_equations(train, shapes, whitened, others, matrix, right)
-    pairs = np.empty(_LAGS)
-    place_pairs(places, others, pairs)
-    # The unknown places of pulses enlarge the covariance, so that such pulses do not sharpen the response.
-    if stretch.carried is not None:
-        lacking = max(1.0 - float(np.sum(train * (others > 0.0))) / _ENOUGH, 0.0)
-        matrix += lacking * stretch.carried[1]
-        right += lacking * stretch.carried[1] @ stretch.carried[0]
-    _, _, covariance = coefficients(matrix, right, state.scale)
-    u, state.scale, _ = coefficients(matrix + spread(pairs, shapes), right, state.scale)
-    state.response = u @ state.components
-    state.posterior = u, matrix
-    return uncertainty(u, covariance, shapes) + _unknown_noise(state.whitener, weight)
+    shapes = np.array([_whitened(one, state.whitener) for one in state.components])
+    columns = np.empty((len(train), len(shapes)))
+    pulse_columns(train, shapes, columns)
+    whole = _equations(columns, whitened, weight)
+    pairs, owns = np.empty((len(stretch.groups), _LAGS)), stretch.own()
+    for own, one in zip(owns, pairs, strict=True):
+        others = weight.copy()
+        others[own] = 0.0
+        place_pairs(places, others, one)
+    found, scales, matrices, unsure = [], [], [], []
+    for own, unplaced in zip(owns, spread(pairs, shapes), strict=True):
+        matrix, right = (
+            a - b for a, b in zip(whole, _equations(columns[own], whitened[own], weight[own]), strict=True)
+        )
+        if stretch.carried is not None:
+            used = train * (weight > 0.0)
+            lacking = max(1.0 - float(used.sum() - used[own].sum()) / _ENOUGH, 0.0)
+            matrix += lacking * stretch.carried[1]
+            right += lacking * stretch.carried[1] @ stretch.carried[0]
+        _, _, covariance = coefficients(matrix, right, state.scale)
+        # The unknown places of pulses enlarge the covariance, so that such pulses do not sharpen the response.
+        u, scale, _ = coefficients(matrix + unplaced, right, state.scale)
+        found.append(u)
+        scales.append(scale)
+        matrices.append(matrix)
+        unsure.append(uncertainty(u, covariance, shapes) + _unknown_noise(state.whitener, weight))
+    mean = np.mean(found, axis=0)
+    state.response, state.scale = mean @ state.components, float(np.mean(scales))
+    state.posterior = mean, np.mean(matrices, axis=0)
+    return np.array(found) @ state.components, stretch.per_packet(unsure)
+
+
+def _sync_size(
+    stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, weight: Array, whitened: Array
+) -> tuple[float, float]:
+    """
+    Measure the size of the pulses of the sync relative to those of the packets.
+
+    Two tools that start together send their syncs at the same places, and their packets at different ones.
+
+    Returns
+    -------
+    (float, float)
+        Size and its 1 sigma, as in `DecodedStretch.sync`.
+    """
+    if stretch.sync is None:
+        return 1.0, math.inf
+    here = slice(max(stretch.sync[0] - BEFORE, 0), stretch.sync[1])
+    places = np.rint(stretch.pulses[:, 0]).astype(np.int64)
+    sync, mine = np.zeros(len(whitened)), (places >= here.start) & (places < here.stop)
+    np.add.at(sync, places[mine], stretch.pulses[mine, 1])
+    shapes = np.array([_whitened(one, state.whitener) for one in state.components])
+    columns, of_sync = np.empty((2, len(whitened), len(shapes)))
+    pulse_columns(_train(stretch, pulses), shapes, columns)
+    pulse_columns(sync, shapes, of_sync)
+    others, pairs = weight.copy(), np.empty(_LAGS)
+    others[here] = 0.0
+    place_pairs(_places(stretch, pulses), others, pairs)
+    matrix, right = _equations(columns, whitened, others)
+    u, _, covariance = coefficients(matrix + spread(pairs, shapes), right, state.scale)
+    expected = of_sync[here] @ u
+    rest = whitened[here] - (columns[here] - of_sync[here]) @ u
+    weighted = weight[here] * expected
+    power = max(float(weighted @ expected), 1e-300)
+    error = weighted @ of_sync[here]
+    return float(weighted @ rest) / power, math.sqrt(1.0 / power + float(error @ covariance @ error) / power**2)
+
+
+def _equations(columns: Array, whitened: Array, weight: Array) -> tuple[Array, Array]:
+    """Return the normal equations of the coefficients."""
+    count = columns.shape[1]
+    matrix, right = np.empty((count, count)), np.empty(count)
+    normal_equations(columns, whitened, weight, matrix, right)
+    return matrix, right
 
 
 def _unknown_noise(whitener: Array, weight: Array) -> float:
@@ -421,11 +509,13 @@ def _lateness(stretch: StretchOnToolClock, train: Array, each: float) -> Array:
 
     train: weights of the known pulses; each: standard deviation that a timing error of one sample adds to a decision.
     """
-    others = train.copy()
-    others[max(stretch.start - BEFORE, 0) : stretch.end] = 0.0
-    middle = float(others @ np.arange(len(others))) / max(float(others.sum()), 1e-300)
+    middles = []
+    for own in stretch.own():
+        others = train.copy()
+        others[own] = 0.0
+        middles.append(float(others @ np.arange(len(others))) / max(float(others.sum()), 1e-300))
     at = stretch.start + SAMPLES_PER_TU * (stretch.packets[:, trellis.START] + 0.5 * stretch.packets[:, trellis.COUNT])
-    return np.asarray((each * stretch.pace_error * (at - middle)) ** 2)
+    return np.asarray((each * stretch.pace_error * (at - stretch.per_packet(middles))) ** 2)
 
 
 def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Array) -> Array:
@@ -435,12 +525,17 @@ def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Arra
     return precision(whitened - explained, stretch.known)
 
 
-def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, weight: Array) -> Array:
-    """Fit the noise model to the pressure without pulses and pumps; return the sum of level and pump noise."""
+def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, known: tuple[Array, Array]) -> Array:
+    """
+    Fit the noise model to the pressure without pulses and pumps; return the level and pump noise.
+
+    known: weight of each sample, and the crank angles to use.
+    """
+    weight, angles = known
     explained = np.empty(len(weight))
     reconstruct(_train(stretch, pulses), state.response, explained)
     residual = stretch.pressure - explained
-    background = _background(residual, weight, state.memory, stretch.angles)
+    background = lines(residual, weight, state.memory, angles) + _level(residual, weight)
     residual -= background
     root, stepwise, level = np.sqrt(weight), np.empty(ORDER + 2), np.empty(ORDER + 2)
     unsure = _unsure(_places(stretch, pulses), state.response, weight)
@@ -469,10 +564,9 @@ def _unsure(places: Array, response: Array, weight: Array) -> Array:
     return np.asarray(2.0 * pairs.sum() * common[lags] - pairs @ (common[lags + apart] + common[np.abs(lags - apart)]))
 
 
-def _background(noise: Array, weight: Array, memory: float, angles: Array | None) -> Array:
-    """Return the sum of level and pump noise of a pressure without its pulses."""
-    level = float(weight @ noise) / max(float(weight.sum()), 1e-300)
-    return level + pump_noise(noise, weight, memory, angles)
+def _level(noise: Array, weight: Array) -> float:
+    """Return the mean of a pressure without its pulses."""
+    return float(weight @ noise) / max(float(weight.sum()), 1e-300)
 
 
 def _timing(
@@ -501,18 +595,10 @@ def _timing(
     # Delaying a response by tau changes it by -tau times its slope; tau is a constant plus a drift.
     late, drifting = np.empty(len(train)), np.empty(len(train))
     reconstruct(train, -slope, late)
-    _weighted_train(train, at - middle, -slope, drifting)
+    reconstruct(np.where(train > _FEW, train * (at - middle), 0.0), -slope, drifting)
     both, right = float(late @ (weight * drifting)), float(drifting @ (weight * rest))
     own, other = float(drifting @ (weight * drifting)), float(late @ (weight * late))
     if own * other <= both * both:
         return 0.0, 1.0, 0.0
     left = own - both * both / other
     return (right - both / other * float(late @ (weight * rest))) / left, 1.0 / left, middle - stretch.start
-
-
-def _weighted_train(train: Array, weight: Array, response: Array, out: Array) -> None:
-    """Fill `out`, shape (n,), with a train of pulses whose weights may be negative."""
-    negative = np.empty(len(out))
-    reconstruct(train * np.maximum(weight, 0.0), response, out)
-    reconstruct(train * np.maximum(-weight, 0.0), response, negative)
-    out -= negative

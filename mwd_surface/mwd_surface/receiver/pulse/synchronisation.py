@@ -22,6 +22,7 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     basis,
     coefficients,
     normal_equations,
+    pulse_columns,
     reconstruct,
 )
 from mwd_surface.receiver.pump_lines import pump_noise
@@ -131,7 +132,7 @@ def search(
     moved = min(_settled(pressure), max(begin - BEFORE, 0)) if early else _settled(pressure[:begin])
     pressure, known, begin, end = pressure[moved:], known[moved:], begin - moved, end - moved
     angles = None if angles is None else angles[:, moved:]
-    pressure = pressure - pump_noise(pressure, known, angles=angles)
+    pressure = pressure - pump_noise(pressure, known, angles=angles)[0]
     if whitener is None:
         quiet = slice(0, begin if begin >= _LEAST_NOISE else len(pressure))
         whitener = steady_filter(pressure[quiet], known[quiet], ORDER, FLOOR)
@@ -277,7 +278,9 @@ def _fitted(whitened: Array, weight: Array, shapes: Array, edges: Array, at: int
     train = np.zeros(end - begin)
     train[BEFORE + edges] = 1.0
     matrix, right = np.empty((len(shapes), len(shapes))), np.empty(len(shapes))
-    normal_equations(train, shapes, whitened[begin:end], weight[begin:end], matrix, right)
+    columns = np.empty((len(train), len(shapes)))
+    pulse_columns(train, shapes, columns)
+    normal_equations(columns, whitened[begin:end], weight[begin:end], matrix, right)
     scale = float(np.sqrt(len(shapes)) * np.linalg.norm(right) / np.trace(matrix))
     u = right
     for _ in range(5):

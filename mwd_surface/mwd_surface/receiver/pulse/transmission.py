@@ -20,9 +20,9 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.belief import Doubt, judge
+from mwd_surface.receiver.belief import TOOLFACE_LEVEL, Doubt, judge, second_tool
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
-from mwd_surface.receiver.pulse import passes, segment
+from mwd_surface.receiver.pulse import passes, segment, trellis
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
 from mwd_surface.receiver.pulse.passes import DecodedWord, Pass, parts_of, rows_from_sync, soft_words, stretch_of
 from mwd_surface.receiver.pulse.synchronisation import SyncFound
@@ -36,7 +36,7 @@ _AFTER_TU = 14
 _LOST = 0.999
 _DOUBTFUL = 0.2  # probability of a wrong table above which the parities count as failing
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
-_TWO_TOOLS = "two syncs overlap: two tools send at once; give them different pulse widths or transmit delays"
+_TWO_TOOLS = "two tools send at once; give them different pulse widths or transmit delays"
 FADED = "no pulses any more: flow off, too weak, or the tool began anew"
 # Prior of the share of missing pulses: its weight in packets; and the largest share.
 _PRIOR_PACKETS, _MOST_MISSING = 80.0, 0.15
@@ -105,6 +105,7 @@ class ReceivedTransmission:
         self._held: list[ReceivedWord] = []
         self._pending = Reception()
         self.begin, self.score, self.second = position, found.score, 0.0
+        self._two_tools = 0.0
         self.frames = self.base = 0
         self.published = self.sent = False
         self.lost = ""
@@ -248,14 +249,20 @@ class ReceivedTransmission:
             self._forget(now)
             return
         self._decode_again(now, heard)
-        words = self._words(now, 0, self.doubt.learn([part.soft for part in now.parts]), 1)
+        alone = 1.0 - self._two_tools
+        trusted = [alone * sure for sure in self.doubt.learn([part.soft for part in now.parts])]
+        words = self._words(now, 0, trusted, 1)
         # Retract a word that was shown and then found to have no pulses.
         words = [
             word if part.pulses else dataclasses.replace(word, status=ERASED)
             for word, part in zip(words, now.parts, strict=True)
         ]
         ebn0 = float(np.mean([part.ebn0_db for part in heard or now.parts]))
-        reason = _TWO_TOOLS if self.second > max(_SECOND, _SECOND_SHARE * self.score) else self.lost
+        # A second tool is named if it prevents all words from being believed and is more probable than a wrong table.
+        two = self._two_tools > max(1.0 - TOOLFACE_LEVEL, self.doubt.failing) or self.second > max(
+            _SECOND, _SECOND_SHARE * self.score
+        )
+        reason = _TWO_TOOLS if two else self.lost
         reason = reason or (_PARITIES_FAIL if self.doubt.failing > _DOUBTFUL else "")
         reason = reason or (FADED if len(heard) < len(now.parts) else "")
         report = FrameReport(self.frames, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, reason)
@@ -272,27 +279,43 @@ class ReceivedTransmission:
         return words
 
     def _decode_again(self, now: Pass, parts: list[DecodedWord]) -> None:
-        """Decode words of a pass once more, now with the pulses before and after each."""
-        for part in parts:
-            stop = min(part.at + SAMPLES_PER_TU * (part.length + _HISTORY_TU), now.at)
-            stretch = self._stretch(part.rows, part.at, stop, part)
-            decision = segment.decode(stretch, self._channel)
-            self._channel = decision.channel
-            part.probability, part.present = decision.probability, decision.present
-            part.ebn0_db = decision.ebn0_db
-            part.soft = soft_words(decision, part.rows, (part.item,), self._parity)[0]
+        """Decode words of a pass once more, all together: each with the pulses before and after it."""
+        if not parts:
+            return
+        starts = [(part.at - now.start) // SAMPLES_PER_TU for part in parts]
+        rows = np.concatenate([part.rows for part in parts])
+        counts = [len(part.rows) for part in parts]
+        rows[:, trellis.START] += np.repeat(starts, counts)
+        firsts = np.cumsum([0, *counts[:-1]])
+        groups = np.column_stack([firsts, starts, np.add(starts, [part.length for part in parts])])
+        probability = np.concatenate([part.probability for part in parts])
+        stretch = self._stretch(rows, groups, now.start, probability)
+        if now.start == self._boundary + SAMPLES_PER_TU * self._tool.header_tu:
+            end = stretch.start - now.start + self._boundary
+            begin = end - SAMPLES_PER_TU * self._tool.sync.length_tu
+            stretch = dataclasses.replace(stretch, sync=(begin, end) if begin > 0 else None)
+        decision = segment.decode(stretch, self._channel)
+        self._channel = decision.channel
+        items = tuple(part.item for part in parts)
+        soft = soft_words(decision, rows, items, self._parity)
+        for part, first, one in zip(parts, firsts, soft, strict=True):
+            mine = slice(first, first + len(part.rows))
+            part.probability, part.present = decision.probability[mine], decision.present[mine]
+            part.ebn0_db, part.soft = float(decision.ebn0_db[first]), one
+        if stretch.sync is not None:
+            self._two_tools = second_tool(*decision.sync, soft)
 
     def _forget(self, now: Pass) -> None:
         """Keep only the pulses of a pass that later passes need."""
-        self._places = self._pulses(None)
+        self._places = self._pulses()
         now.parts = []
         oldest = now.at - SAMPLES_PER_TU * _HISTORY_TU - len(self._channel.response)
         self._places = [one for one in self._places if one.at >= oldest]
 
-    def _pulses(self, but: DecodedWord | None) -> list[passes.PulsePlace]:
-        """Return all known pulses except those of the word `but`."""
+    def _pulses(self) -> list[passes.PulsePlace]:
+        """Return all known pulses."""
         parts = self._pass.parts if self._pass is not None else []
-        return self._places + [one for part in parts if part is not but for one in part.places()]
+        return self._places + [one for part in parts for one in part.places()]
 
     @property
     def sound(self) -> bool:
@@ -415,27 +438,29 @@ class ReceivedTransmission:
         return self._decode_once(rows, length, start) if abs(change) * SAMPLES_PER_TU * window > 0.5 else decision
 
     def _decode_once(self, rows: Indices, length: int, start: int) -> segment.DecodedStretch:
-        return segment.decode(self._stretch(rows, start, start + SAMPLES_PER_TU * length, None), self._channel)
+        return segment.decode(self._stretch(rows, np.array([[0, 0, length + _AFTER_TU]]), start), self._channel)
 
-    def _stretch(self, rows: Indices, start: int, stop: int, before: DecodedWord | None) -> segment.StretchOnToolClock:
-        """Return the pressure around some packets, up to the end of the response of the last pulse before `stop`."""
+    def _stretch(
+        self, rows: Indices, groups: Indices, start: int, probability: Array | None = None
+    ) -> segment.StretchOnToolClock:
+        """Return the pressure around some packets; if their probabilities are known, up to the end of the response."""
+        pulses = self._pulses() if probability is None else self._places
+        after = 0 if probability is None else _AFTER_TU
         begin = max(start - SAMPLES_PER_TU * _HISTORY_TU, self._settled)
         begin = max(begin, math.ceil((self._grid.first - self._clock.start) / self._clock.pace))
-        count = stop + SAMPLES_PER_TU * _AFTER_TU - begin
+        count = start + SAMPLES_PER_TU * (int(groups[-1, 2]) + after) - begin
         pressure, known = self._grid.samples(self._clock.at(begin), self._clock.pace, count)
         if math.isfinite(self._off_s):
             known[self._seconds(begin + np.arange(count)) >= self._off_s] = 0.0
-        pulses = np.array(self._pulses(before)).reshape(-1, 3)
-        end = count if before is None else start - begin + SAMPLES_PER_TU * before.length
         return segment.StretchOnToolClock(
             pressure,
             known,
-            pulses - (begin, 0.0, begin),
+            np.array(pulses).reshape(-1, 3) - (begin, 0.0, begin),
             rows,
+            groups,
             start - begin,
             self._parity,
-            end,
-            None if before is None else before.probability,
+            probability,
             self._grid.angles(self._clock.at(begin), self._clock.pace, count),
             math.sqrt(self._clock.variance),
             self._carried,

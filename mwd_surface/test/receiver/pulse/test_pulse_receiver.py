@@ -293,16 +293,23 @@ def test_a_wrong_table_in_a_strong_signal_is_not_blamed_on_the_signal(wrong):
     assert "too weak" not in said
 
 
-@pytest.mark.parametrize(("late_tu", "named"), [(0, False), (17, True)])
-def test_two_tools_that_send_at_once_are_named(late_tu, named):
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("late_tu", [None, 0, 17])
+def test_two_tools_that_send_at_once_are_named_and_no_word_is_believed(late_tu, seed):
     tool = dataclasses.replace(FAST, survey_sequences=("Inc:12:P Azm:12:P Grav:12:P",), transmit_delay_s=20.0)
-    (time, first), (_, second) = (white(tool, transmit(tool, ((0.0, 200.0),), seed), 14.0) for seed in (1, 2))
-    late = round(late_tu * tool.tu_s / (time[1] - time[0]))
-    both = first.copy()
-    both[late:] += named * (second[: len(both)] - second.mean())[: len(both) - late]
+    sent = [transmit(tool, ((0.0, 200.0),), number) for number in (2 * seed + 1, 2 * seed + 2)]
+    (time, both), (_, second) = (white(tool, one, 14.0, seed=k) for k, one in enumerate(sent))
+    if late_tu is not None:
+        late = round(late_tu * tool.tu_s / (time[1] - time[0]))
+        late_end = min(len(both), late + len(second))
+        both[late:late_end] += (second - second.mean())[: late_end - late]
     receiver = PulseReceiver(tool)
-    frames = receiver.push(time, both).frames + receiver.finish().frames
-    assert any("two tools" in one.reason for one in frames) == named
+    done = receiver.push(time, both)
+    done.add(receiver.finish())
+    assert any("two tools" in one.reason for one in done.frames) == (late_tu is not None)
+    believed = {(word.name, word.raw) for word in done.words if word.status == "believed"}
+    assert believed <= {(word.name, word.raw) for word in sent[0].words}
+    assert bool(believed) == (late_tu is None)
 
 
 def test_a_flow_too_short_for_the_sync_is_named():
