@@ -180,7 +180,7 @@ def _field_noise(p: SignalLimits, channels: Any) -> float:
     Neighbouring samples of a turning field differ by at most the rotation between them. If the gyros are silent,
     constant or at the end of their range, the rotation is unknown.
     """
-    rate2, n = 0.0, channels[6].n
+    rate2, n = 0.0, int(channels[6].n)
     for c in range(3):
         row = channels[c]
         if row.n < FEW or row.at_limit > 0 or row.constant_bins > 0 or n < FEW:
