@@ -44,11 +44,11 @@ class AxisChannel:
     #: `first`, `last`: first value of the half second, and last value of all.
     first: float
     last: float
-    #: `total`, `total2`, `steps2`: sums of the differences from the first value, of their squares, and of the squared
-    #: steps between neighbours.
+    #: `total`, `total2`, `steps`: sums of the differences from the first value, of their squares, and of the sizes of
+    #: the steps between neighbours.
     total: float
     total2: float
-    steps2: float
+    steps: float
     #: `mean`, `spread`: mean and standard deviation of the half second.
     mean: float
     spread: float
@@ -77,19 +77,25 @@ class SignalLimits(NamedTuple):
     #: Shocks clip a smaller share than `clipped`, and a broken axis a larger share than `saturated`.
     clipped: float = 0.2
     saturated: float = 0.9
-    #: Samples with a larger ratio of mean squared step to variance are white noise: the ratio is 2 for independent
-    #: samples and much smaller for any motion.
-    white: float = 1.4
+    #: Samples whose mean step is larger than this multiple of the standard deviation are white noise. The multiple is
+    #: 1.13 for independent samples, 0.9 for a constant of which each seventh sample is wrong, and smaller for a motion
+    #: of less than a radian between samples.
+    white: float = 0.95
     #: Smallest standard deviation of a force that may be random numbers, in units of the range: uniform numbers have
     #: 0.58.
     noise_of_range: float = 0.36
-    #: Smallest standard deviation of a field that may be random numbers, T: the Earth's field is at most 7e-5 T.
+    #: `field_noise`, `field_noise_still`: smallest standard deviation of a field that may be random numbers, T, in any
+    #: motion and while the tool hardly turns between two samples. A turning tool sees at most the Earth's field change,
+    #: `earth_field`, T. Interference of a tool at rest varies by less than 1e-5 T.
     field_noise: float = 1e-4
+    field_noise_still: float = 1e-5
+    earth_field: float = 7e-5
     #: `axial_rate_noise`, `cross_rate_noise`: smallest standard deviation of rates about and across the axis that may
     #: be random numbers, rad/s. Torsional vibration of a string, and bending of a tool by 50 g of lateral vibration,
     #: give less.
     axial_rate_noise: float = 10.0
     cross_rate_noise: float = 2.0
+    noise_ends: float = 0.5  #: share of these limits below which a NOISE fault ends
     no_tesla: float = 3e-3  #: a stronger field must be in another unit, T; the check UNIT finds the unit
     #: `off_pace`, `in_pace`: share of intervals that are too long or too short for the sample rate; more than
     #: `off_pace` is a fault, less than `in_pace` is not.
@@ -112,7 +118,7 @@ def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: flo
     """Add column k of rows start to stop - 1 to the counts of a channel; limit: end of the range, in its unit."""
     # One channel at a time and local names: the loop takes most of the time of the health checks.
     last, first, fresh = channel.last, channel.first, channel.n == 0
-    total, total2, least, steps2 = channel.total, channel.total2, channel.least_step, channel.steps2
+    total, total2, least, steps = channel.total, channel.total2, channel.least_step, channel.steps
     bad, same, clip = 0, 0, 0
     for i in range(start, stop):
         v = values[i, k]
@@ -126,14 +132,14 @@ def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: flo
         same += int(away == 0.0)
         if away > 0.0:
             least = min(least, away)
-            steps2 += away * away
+            steps += away
         last = v
         away = v - first
         total += away
         total2 += away * away
         clip += int(size >= limit)
     channel.last, channel.first, channel.least_step = last, first, least
-    channel.total, channel.total2, channel.steps2 = total, total2, steps2
+    channel.total, channel.total2, channel.steps = total, total2, steps
     channel.n += stop - start - bad
     channel.not_finite += bad
     channel.repeats += same
@@ -167,6 +173,24 @@ def _motion(p: SignalLimits, channels: Any) -> tuple[bool, bool]:
 
 
 @compiled
+def _field_noise(p: SignalLimits, channels: Any) -> float:
+    """
+    Return the smallest standard deviation of a field that may be random numbers in this half second, T.
+
+    Neighbouring samples of a turning field differ by at most the rotation between them. If the gyros are silent,
+    constant or at the end of their range, the rotation is unknown.
+    """
+    rate2, n = 0.0, int(channels[6].n)
+    for c in range(3):
+        row = channels[c]
+        if row.n < FEW or row.at_limit > 0 or row.constant_bins > 0 or n < FEW:
+            return p.field_noise
+        rate2 += row.mean**2 + row.spread**2
+    turn = math.sqrt(rate2) * 1e-9 * BIN_NS / n
+    return min(p.field_noise, p.field_noise_still + turn * p.earth_field)
+
+
+@compiled
 def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limits: tuple[float, float], began: int) -> bool:
     """
     Check whether sensor s sends random numbers; return True if it does.
@@ -175,14 +199,16 @@ def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limits: tu
     second, ns.
     """
     worst, size2, axes, white, limit = 0.0, 0.0, 0, False, limits[1]
+    check = checks[FaultCode.NOISE.value, 3 * s]
+    # The spread of random numbers varies: the fault must not end with a half second of smaller ones.
+    share = p.noise_ends if check.state == FAULT else 1.0
     for c in range(3):
         row = channels[3 * s + c]
         size2 += row.mean**2 + row.spread**2
-        if row.spread > limits[min(c, 1)]:
+        if row.spread > share * limits[min(c, 1)]:
             axes |= 1 << c
             worst = max(worst, row.spread)
-            white = white or (row.n >= FEW and row.steps2 > p.white * row.n * row.spread**2)
-    check = checks[FaultCode.NOISE.value, 3 * s]
+            white = white or (row.n >= FEW and row.steps > p.white * row.n * row.spread)
     if white and (s != 2 or size2 < p.no_tesla**2):
         observe(check, FOR, began, worst, limit)
         check.seen_which[0] = axes
@@ -297,7 +323,8 @@ def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began:
     that are doubtful in this half second.
     """
     gyro, accel = _motion(p, channels)
-    doubtful = MAG * int(_judge_noise(p, checks, channels, 2, (p.field_noise, p.field_noise), began))
+    field = _field_noise(p, channels)
+    doubtful = MAG * int(_judge_noise(p, checks, channels, 2, (field, field), began))
     if limits[1] < math.inf:
         force = p.noise_of_range * limits[1]
         _judge_noise(p, checks, channels, 1, (force, force), began)
@@ -322,5 +349,5 @@ def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began:
             varies = row.n - row.repeats >= 0.3 * row.n
             row.varied = min(row.varied + 1, 30) if varies else max(row.varied - 3, -30)
         row.n = row.not_finite = row.repeats = row.at_limit = 0
-        row.total = row.total2 = row.steps2 = 0.0
+        row.total = row.total2 = row.steps = 0.0
     return doubtful

@@ -25,6 +25,7 @@ class Tool:
         self.channels, self.checks = signals.blank(), debounce.blank()
         self.rng = np.random.default_rng(1)
         self.bins = 0
+        self.count = signals.count
 
     def half_second(self, change=None):
         """What is observed of a tool that turns and shakes, its values changed by `change`: code and place."""
@@ -34,7 +35,7 @@ class Tool:
         if change is not None:
             change(values)
         for c in range(9):
-            signals.count(self.channels[c], values, c, 0, N, LIMITS[c // 3])
+            self.count(self.channels[c], values, c, 0, N, LIMITS[c // 3])
         began, limits = self.bins * signals.BIN_NS, SignalLimits()
         signals.summarise(self.channels)
         self.doubtful = signals.judge_bin(limits, self.checks, self.channels, LIMITS, began)
@@ -109,8 +110,81 @@ def test_a_field_that_jumps_from_sample_to_sample_is_noise_and_one_that_turns_fa
     assert tool.checks[FaultCode.NOISE, 6].seen_value == pytest.approx(462e-6, rel=0.1)
     assert tool.doubtful == MAG
     turn = 31.0 * 0.01 * np.arange(N)
-    for field in (garbage[:, 0] * 0.1, 5e-4 * np.cos(turn), 50.0 * np.cos(turn)):
+    for field in (5e-4 * np.cos(turn), 50.0 * np.cos(turn)):
         assert (FaultCode.NOISE, 6) not in tool.half_second(put(7, field))
+
+
+def turning(rate, field, silent=False):
+    """A tool that turns about x at rates, rad/s, and reads a field, T; silent: its gyros say nothing."""
+
+    def change(v):
+        v[:, 0] = np.nan if silent else rate + 0.01 * v[:, 0]
+        v[:, 6:] = field
+
+    return change
+
+
+@pytest.mark.fault_case(7)
+@given(size=st.floats(3e-5, 9e-5), rate=st.floats(-10.0, 10.0), seed=st.integers(0, 1000))
+def test_random_numbers_as_large_as_the_field_are_noise_while_the_tool_turns_slowly(size, rate, seed):
+    rng = np.random.default_rng(seed)
+    found = Tool().half_second(turning(rate, rng.normal(0.0, size, (N, 3))))
+    assert (FaultCode.NOISE, 6) in found
+
+
+@pytest.mark.fault_case(7)
+@given(
+    every=st.integers(6, 25),
+    size=st.floats(1e-6, 8e-4),
+    direction=st.sampled_from([(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, -1.0, 1.0)]),
+    rate=st.floats(-10.0, 10.0),
+    first=st.integers(0, 24),
+)
+def test_a_sound_field_of_which_some_samples_are_wrong_is_not_random(every, size, direction, rate, first):
+    angle = 0.01 * rate * np.arange(N)
+    field = 5e-5 * np.stack([np.full(N, 0.5), np.cos(angle), np.sin(angle)], axis=1)
+    field[first % every :: every] += size * np.array(direction)
+    assert (FaultCode.NOISE, 6) not in Tool().half_second(turning(rate, field))
+
+
+@pytest.mark.fault_case(7)
+@given(size=st.floats(36.0, 54.0), seed=st.integers(0, 1000))
+def test_random_forces_that_are_sometimes_small_do_not_end_the_fault_and_sound_ones_do(size, seed):
+    tool, rng = Tool(), np.random.default_rng(seed)
+    tool.checks[FaultCode.NOISE, 3]["state"] = debounce.FAULT
+    assert (FaultCode.NOISE, 3) in tool.half_second(put(slice(3, 6), rng.normal(0.0, size, (N, 3))))
+    tool.half_second()
+    assert tool.checks[FaultCode.NOISE, 3].seen == AGAINST
+
+
+@pytest.mark.fault_case(7)
+@given(
+    rate=st.floats(-34.0, 34.0),
+    swing=st.floats(0.0, 30.0),
+    hertz=st.floats(0.1, 400.0),
+    stride=st.sampled_from([1, 2, 5]),
+    silent=st.booleans(),
+    strength=st.floats(1e-5, 7e-5),
+    noise=st.floats(1e-8, 5e-6),
+)
+def test_no_rotation_or_torsional_vibration_makes_the_field_random(rate, swing, hertz, stride, silent, strength, noise):
+    """The string turns at rates within the range of the gyros; the magnetometer sends each sample or each fifth."""
+    at = 0.01 * np.arange(N)
+    swing = min(swing, 34.0 - abs(rate))
+    rates = rate + swing * np.cos(2.0 * np.pi * hertz * at)
+    angle = rate * at + swing / (2.0 * np.pi * hertz) * np.sin(2.0 * np.pi * hertz * at)
+    field = strength * np.stack([np.full(N, 0.5), np.cos(angle), np.sin(angle)], axis=1)
+    field += np.random.default_rng(7).normal(0.0, noise, (N, 3))
+    tool = Tool()
+    # A slow magnetometer: the channel counts fewer samples than the gyros.
+    whole = signals.count
+
+    def count(channel, values, c, start, stop, limit):
+        kept = np.ascontiguousarray(values[::stride]) if c >= 6 else values
+        whole(channel, kept, c, start, len(kept), limit)
+
+    tool.count = count
+    assert (FaultCode.NOISE, 6) not in tool.half_second(turning(rates, field, silent))
 
 
 @pytest.mark.fault_case(7)

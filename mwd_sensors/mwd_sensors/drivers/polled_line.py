@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import yaml
-from pymodbus.framer import FramerRTU
 
 from mwd_sensors.core import budgets, settings
 from mwd_sensors.core.foreign_text import without_contents
@@ -242,9 +241,10 @@ PROBE_QUANTITIES = (TIME, STATUS, *(name for names in NAMES.values() for name in
 
 def check(data: bytes, frame: PolledFrame) -> bytes:
     """Return the CRC-16 of bytes in the order of the frame."""
-    number: int = FramerRTU.compute_CRC(
-        data
-    )  # pymodbus returns the two bytes swapped: big endian writes the low byte first
+    # Import the package only here, so that its absence stops the polled lines and nothing else.
+    from pymodbus.framer import FramerRTU
+
+    number: int = FramerRTU.compute_CRC(data)  # has its two bytes swapped: big endian writes the low byte first
     return number.to_bytes(_CHECK_BYTES, "big" if frame.check_order == "low_first" else "little")
 
 

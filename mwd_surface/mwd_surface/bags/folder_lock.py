@@ -38,7 +38,8 @@ class FolderLock:
             # Lock the folder too, because somebody may delete the lock file while the lock is held. Some network file
             # systems cannot lock folders; then only the file is locked.
             self._lock(os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC), needed=False)
-            file = os.open(folder / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            # Do not follow a link: the process number would replace the content of the file it leads to.
+            file = os.open(folder / name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
             self._lock(file, needed=True)
         except BlockingIOError:
             self.free()

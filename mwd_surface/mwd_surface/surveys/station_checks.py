@@ -71,18 +71,28 @@ def conflicts(whole: SurveyList, record: SurveyRecord) -> list[str]:
     """
     rivals = at_same_depth(whole, record)
     why = [f"duplicate depth: survey {r.survey.sequence} is at {r.measured_depth:.2f} m" for r in rivals]
-    # A station without a time, as in a list of stations, was not taken before another one.
-    deeper = [
-        r
-        for r in in_use_on(whole, record.leg)
-        if r.measured_depth > record.measured_depth
-        and 0 < r.survey.stamp_ns < record.survey.stamp_ns
-        and r not in rivals
-    ]
-    if deeper and not record.in_use:
+    own = next((r for r in in_use_on(whole, record.leg) if r.survey.uuid == record.survey.uuid), None)
+    # A station in use has been accepted in its present order; only a new depth can contradict the times of others.
+    known = rivals if own is None else [*rivals, *_out_of_order(whole, own)]
+    wrong = [r for r in _out_of_order(whole, record) if r not in known]
+    deeper = [r for r in wrong if r.measured_depth > record.measured_depth]
+    if deeper:
         last = max(deeper, key=lambda r: r.measured_depth)
         why.append(f"decreasing depth: survey {last.survey.sequence} is deeper, at {last.measured_depth:.2f} m")
+    elif wrong and record.judgement == Judgement.ACCEPTED:
+        # Without a decision the later stations stay: the clock of a tool that has restarted may be behind.
+        first = min(wrong, key=lambda r: r.measured_depth)
+        why.append(f"decreasing depth: survey {first.survey.sequence} is later, at {first.measured_depth:.2f} m")
     return why
+
+
+def _out_of_order(whole: SurveyList, record: SurveyRecord) -> list[SurveyRecord]:
+    """Return the stations in use that are deeper and earlier than a record, or shallower and later."""
+    return [
+        r
+        for r in in_use_on(whole, record.leg)
+        if (r.measured_depth - record.measured_depth) * (r.survey.stamp_ns - record.survey.stamp_ns) < 0.0
+    ]
 
 
 def obstacles(whole: SurveyList, record: SurveyRecord) -> list[str]:

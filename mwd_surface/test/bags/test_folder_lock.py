@@ -55,6 +55,15 @@ def test_a_lock_whose_file_is_deleted_by_hand_still_holds(tmp_path, gone):
     FolderLock(tmp_path, ".lock").free()
 
 
+@pytest.mark.fault_case(99)
+def test_a_lock_that_is_a_link_changes_no_other_file(tmp_path):
+    (tmp_path / "other").write_text("content")
+    (tmp_path / ".lock").symlink_to(tmp_path / "other")
+    with pytest.raises(OSError, match="lock"):
+        FolderLock(tmp_path, ".lock")
+    assert (tmp_path / "other").read_text() == "content"
+
+
 def test_a_folder_that_cannot_be_made_is_the_systems_own_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file"):

@@ -5,6 +5,7 @@ import contextlib
 import dataclasses
 import re
 import socket
+import subprocess
 import sys
 from pathlib import Path
 
@@ -117,6 +118,14 @@ def test_a_missing_package_is_reported_with_the_way_to_install_it_and_the_rest_r
     with running(rig_settings()) as port:
         assert "pip install pymodbus" in state_of(port, "modbus").reason
         assert state_of(port, "wits0_server").state == "listening"
+
+
+@pytest.mark.fault_case(98)
+@pytest.mark.slow(5)
+@pytest.mark.parametrize("package", ["asyncua", "pymodbus", "serial"])
+def test_the_surface_node_loads_without_the_package_of_an_interface(package):
+    code = f"import sys; sys.modules[{package!r}] = None; import mwd_surface.nodes.surface"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_when_nobody_publishes_every_interface_tells_it():

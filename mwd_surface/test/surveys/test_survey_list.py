@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The survey list: its order, its two judgements, its legs and its path."""
 
+import contextlib
 import csv
 import dataclasses
 import json
@@ -236,11 +237,28 @@ def test_a_decreasing_depth_goes_between_the_others_only_by_explicit_accept():
     assert whole.definitive().md.tolist() == [0.0, 100.0, 130.0, 145.0, 160.0, 190.0]
 
 
-def test_a_depth_does_not_decrease_after_stations_without_a_time():
-    whole = (
-        filled((100.0, 5.0, 30.0)).add(shot(2, 8.0, 32.0, stamp_ns=0), 190.0, 0.0).add(shot(3, 6.0, 31.0), 145.0, 0.0)
-    )
-    assert whole.definitive().md.tolist() == [0.0, 100.0, 145.0, 190.0]
+@pytest.mark.fault_case(39)
+@given(
+    md=st.lists(st.one_of(st.just(math.nan), st.integers(1, 12)), min_size=2, max_size=5),
+    moves=st.lists(st.tuples(st.integers(1, 5), st.integers(1, 12)), max_size=6),
+)
+def test_only_an_explicit_replacement_brings_depths_and_times_out_of_order(md, moves):
+    whole = SurveyList(legs=VERTICAL)
+    for k, depth in enumerate(md, start=1):
+        whole = whole.add(shot(k, 0.5), 30.0 * depth, 0.0)
+    for k, depth in moves:
+        with contextlib.suppress(ValueError):
+            whole = whole.accept(k, "Aslaug", "", 1, measured_depth=30.0 * depth)
+    stations = [r for r in whole.records if r.in_use]
+    assert [r.survey.stamp_ns for r in stations] == sorted(r.survey.stamp_ns for r in stations)
+    assert len({r.measured_depth for r in stations}) == len(stations)
+
+
+@pytest.mark.fault_case(39)
+def test_a_revision_leaves_a_survey_below_a_later_one_that_a_person_inserted():
+    whole = filled(*CURVE).add(shot(5, 4.0, 33.0), 145.0, 0.0).accept(5, "Aslaug", "", 1, replace=True)
+    revised = whole.revise(dataclasses.replace(whole.find(4).survey, revision=1))
+    assert used(revised) == used(whole)
 
 
 def test_a_survey_judged_late_is_not_called_decreasing():

@@ -254,7 +254,9 @@ class McapFile:
         walk = walk_records(np.frombuffer(plain, dtype=np.uint8))
         end = int(walk.others[0]) if len(walk.others) else walk.end
         last = int(walk.offset[walk.offset <= end].max(initial=0)) - MESSAGE_PREFIX
-        if last >= 0 and self._has_wrong_length(at + last, end - last - PREFIX):
+        # Only the record after a message shows that the message is whole: after a power failure, zeros or other data
+        # may stand in place of its end.
+        if last >= 0 and (self._has_wrong_length(at + last, end - last - PREFIX) or not self._is_record(at + end)):
             end = last
         if end == 0:
             raise FormatError("a message is shorter than its head, or no record begins where it ends")
@@ -273,6 +275,16 @@ class McapFile:
         # The wrong bit may also be in the length of the next record; then this record is intact.
         return not self._follows_with_wrong_bit(after + length) and self._follows_with_wrong_bit(at)
 
+    def _is_record(self, at: int) -> bool:
+        """Return whether a record begins at `at`, perhaps with a wrong opcode or one wrong bit in its length."""
+        if self._begins_records(at, first=False, steps=1) or self._follows_with_wrong_bit(at):
+            return True
+        try:
+            after = at + PREFIX + int.from_bytes(self.read(at + 1, PREFIX - 1), "little")
+        except FormatError:
+            return False
+        return self._begins_records(after, first=False, cut_off=False, steps=1)
+
     def _follows_with_wrong_bit(self, at: int) -> bool:
         """Return whether other records follow the record at `at` after one bit of its length is changed."""
         if not 0 <= at <= self.size - PREFIX:
@@ -281,7 +293,7 @@ class McapFile:
         opcode, length = prefix[0], int.from_bytes(prefix[1:], "little")
         if not 0 < opcode <= Opcode.DATA_END:
             return False
-        changed = (length ^ 1 << bit for bit in range(self.size.bit_length()))
+        changed = (length ^ 1 << bit for bit in range(64))
         likely = (other for other in changed if _SHORTEST.get(opcode, 0) <= other <= self.size - after)
         return any(self._begins_records(after + other) for other in likely)
 
@@ -319,9 +331,9 @@ class McapFile:
             at += count
         return self.size
 
-    def _begins_records(self, at: int, *, first: bool = True, cut_off: bool = True) -> bool:
+    def _begins_records(self, at: int, *, first: bool = True, cut_off: bool = True, steps: int = _FOLLOWING) -> bool:
         """
-        Return whether `_FOLLOWING` valid records follow one another from `at` on, or fewer up to the end of the file.
+        Return whether `steps` valid records follow one another from `at` on, or fewer up to the end of the file.
 
         first : whether there is no other evidence that a record begins at `at`. The record must then be complete, and
         be a message, a chunk with its header, or followed by another record. cut_off : whether the last record may
@@ -329,7 +341,7 @@ class McapFile:
         """
         cut_off, behind = cut_off and self._cut_off, 0
         end = self.size if self._cut_off else self.size - len(MAGIC)
-        for step in range(_FOLLOWING):
+        for step in range(steps):
             sure = first and step == 0
             if at == end:
                 return not sure if self._cut_off else behind == Opcode.FOOTER

@@ -92,7 +92,9 @@ class McapWriter:
         try:
             self._append(MAGIC + header_record(LIBRARY))
         except OSError:
+            # A file without content would be in the way of the next attempt.
             os.close(self._file)
+            path.unlink()
             raise
 
     @property

@@ -28,7 +28,7 @@ EVENT_TYPE = "rcl_interfaces/msg/Log"
 # Errors of a full disk, of an exhausted quota, and of a file above the largest size of the file system.
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _LOOK = 0.5  # time between checks of the free disk space, s
-_LOOK_BYTES = 8 * 1024 * 1024  # number of written bytes after which the free disk space is checked earlier
+_LOOK_BYTES = 8 * 1024 * 1024  # largest number of bytes written between two checks of the free disk space
 
 Tables = Callable[[], Mapping[str, Mapping[str, str]]]
 
@@ -222,7 +222,8 @@ class Session:
         limit = self._settings.split_bytes
         if limit and self.writer.file.size >= limit:
             self._new_file()
-        if self._unchecked > _LOOK_BYTES:
+        # On a small disk with a small reserve, the space must be checked before the reserve is used up.
+        if self._unchecked > min(_LOOK_BYTES, self._settings.min_free_bytes // 4):
             self._watch_disk()
 
     def _watch_disk(self) -> None:
@@ -235,7 +236,9 @@ class Session:
                 self.disk_failed(error)
             return
         low = self._settings.min_free_bytes
-        if self.writing and self.free < low:
+        if self.writing and not self.writer.file.path.exists():
+            self._file_deleted()
+        elif self.writing and self.free < low:
             reason = f"{self.free / 1e6:.0f} MB free on the disk of {self._folder}, {low / 1e6:.0f} MB must stay free"
             self._pause_writing(RecorderState.PAUSED_DISK_FULL, reason)
         elif not self.writing and self.free >= low + low // 8 and time.monotonic() >= self._retry_at:
@@ -267,6 +270,15 @@ class Session:
         full = error.errno in _FULL
         reason = self._words(error)
         self._pause_writing(RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED, reason)
+
+    def _file_deleted(self) -> None:
+        """Pause because the file was deleted while it was written; its messages are lost."""
+        path = self.writer.file.path
+        self.dropped += sum(self.writer.file.counts.values())
+        self.writer.give_up_file()
+        with contextlib.suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+        self._pause_writing(RecorderState.FAILED, f"{path} was deleted during the recording")
 
     def _resume(self) -> None:
         self._retry_at = time.monotonic() + self._settings.retry_seconds

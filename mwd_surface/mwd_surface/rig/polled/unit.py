@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,20 +24,15 @@ from mwd_surface.signals.table import TO_RIG
 
 _STEP_S = 0.005  # time between two reads of the line, s; a host waits a few tenths of a second for a reply
 QUANTITIES = tuple(signal.name for signal in TO_RIG)
-HOST_FRAME = PolledFrame(
-    polls=(
-        Poll(
-            4,
-            "00000003",
-            (
-                ReplyItem("inclination", "uint16", 0.01, unit="deg"),
-                ReplyItem("azimuth", "uint16", 0.01, unit="deg"),
-                ReplyItem("gravity_toolface", "uint16", 0.01, unit="deg"),
-            ),
-        ),
+
+
+@functools.cache
+def host_frame() -> PolledFrame:
+    """Return the frame without a file: Modbus RTU, function 4, registers 0 to 2, in 0.01 deg; 65535 for unknown."""
+    items = tuple(
+        ReplyItem(name, "uint16", 0.01, unit="deg") for name in ("inclination", "azimuth", "gravity_toolface")
     )
-)
-"""Frame if no file is given: Modbus RTU, function 4, registers 0 to 2 in steps of 0.01 deg; 65535 for unknown."""
+    return PolledFrame(polls=(Poll(4, "00000003", items),))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +58,7 @@ class PolledUnit(LoopInterface):
     def __init__(self, settings: PolledSettings) -> None:
         super().__init__("polled")
         self.settings = settings
-        self._unit = polled_line.PolledLineUnit(HOST_FRAME)
+        self._unit: polled_line.PolledLineUnit | None = None
         self._serial: Any = None
 
     def start(self) -> None:
@@ -72,15 +68,16 @@ class PolledUnit(LoopInterface):
         Raises
         ------
         InterfaceError
-            The frame cannot be used, pyserial is missing, or the device cannot be opened.
+            The frame cannot be used, pyserial or pymodbus is missing, or the device cannot be opened.
         """
+        optional("pymodbus.framer", "pymodbus", "A polled serial line")
         self._serial = optional("serial", "pyserial", "A polled serial line")
-        if self.settings.frame_file:
-            try:
-                frame = polled_line.read(Path(self.settings.frame_file).expanduser(), QUANTITIES)
-            except (ValueError, OSError) as error:
-                raise InterfaceError(f"frame_file: {error}") from error
-            self._unit = polled_line.PolledLineUnit(frame)
+        given = self.settings.frame_file
+        try:
+            frame = polled_line.read(Path(given).expanduser(), QUANTITIES) if given else host_frame()
+        except (ValueError, OSError) as error:
+            raise InterfaceError(f"frame_file: {error}") from error
+        self._unit = polled_line.PolledLineUnit(frame)
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
@@ -103,16 +100,17 @@ class PolledUnit(LoopInterface):
 
     def _answer(self, data: bytes) -> bytes:
         """Return the bytes to send in answer to the bytes that arrived; empty if no answer is due."""
-        asked = self._unit.take(data) if data else None
-        if asked is None or isinstance(asked, bytes):
-            return asked or b""
-        return polled_line.reply(self._unit.frame, asked, usable(self.values))
+        unit = self._unit
+        asked = unit.take(data) if data and unit is not None else None
+        if unit is None or asked is None or isinstance(asked, bytes):
+            return asked if isinstance(asked, bytes) else b""
+        return polled_line.reply(unit.frame, asked, usable(self.values))
 
     def status(self) -> InterfaceStatus:
         """Return the state of the interface, with the count of each kind of error on the line."""
-        if not self.running:
-            return InterfaceStatus(self.name, STOPPED, self.settings.device, self.failure)
         unit = self._unit
+        if unit is None or not self.running:
+            return InterfaceStatus(self.name, STOPPED, self.settings.device, self.failure)
         reason = "; ".join(f"{count} times {words}" for words, count in unit.trouble.items())
         return InterfaceStatus(self.name, LISTENING, self.settings.device, reason, sent=unit.answered)
 

@@ -145,6 +145,18 @@ def test_a_disk_that_takes_half_a_record_leaves_a_file_that_ends_after_the_last_
     assert counts(tmp_path / "a.mcap") == 2
 
 
+@pytest.mark.fault_case(62)
+def test_a_file_whose_first_bytes_find_no_room_is_not_in_the_way_of_the_next_attempt(tmp_path, monkeypatch):
+    def full(_file, _data):
+        raise OSError(errno.ENOSPC, "no room")
+
+    monkeypatch.setattr(os, "write", full)
+    with pytest.raises(OSError, match="no room"):
+        McapWriter(tmp_path / "a.mcap")
+    monkeypatch.undo()
+    McapWriter(tmp_path / "a.mcap").close()
+
+
 def test_messages_given_up_are_counted_and_the_rest_is_a_sound_file(tmp_path):
     writer = opened(tmp_path / "a.mcap")
     writer.write(1, b"first", START, START)

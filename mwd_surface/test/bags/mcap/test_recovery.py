@@ -84,6 +84,27 @@ def test_a_file_cut_at_any_of_200_places_gives_back_every_complete_record_and_no
 
 
 @pytest.mark.slow
+@pytest.mark.fault_case(61)
+@pytest.mark.fault_case(66)
+@pytest.mark.parametrize("rest", ["zeros", "noise", "earlier data"])
+@pytest.mark.parametrize("compression", ["", "lz4"])
+def test_whatever_stands_behind_the_place_where_writing_ended_no_message_is_changed(tmp_path, rest, compression):
+    record(tmp_path / "bag", 200, compression=compression).close()
+    data = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
+    everything = messages(tmp_path / "bag" / "bag_0.mcap")
+    random = np.random.default_rng(32)
+    source, target = tmp_path / "cut.mcap", tmp_path / "saved.mcap"
+    for cut in random.integers(500, len(data), 60).tolist():
+        behind = {"zeros": bytes(4096), "noise": random.bytes(4096), "earlier data": data[cut // 3 : cut // 3 + 4096]}
+        source.write_bytes(data[:cut] + behind[rest])
+        report = recovery.recover_file(source, target)
+        assert set(messages(target) if report.messages else ()) <= set(everything)
+        # Without compression the messages of an incomplete chunk are saved too, except perhaps the last one.
+        least = sum(data.count(data_of, 0, cut) > 0 for _, _, data_of in everything) - 1 if not compression else 0
+        assert report.messages >= least
+
+
+@pytest.mark.slow
 def test_bit_flips_and_overwritten_blocks_never_raise_and_never_invent_a_message(whole, tmp_path):
     data = (whole / "bag_0.mcap").read_bytes()
     everything = set(messages(whole / "bag_0.mcap"))

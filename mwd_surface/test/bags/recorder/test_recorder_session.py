@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import errno
 import math
+import shutil
 import types
 
 import pytest
@@ -176,6 +178,36 @@ def test_a_disk_about_to_be_full_pauses_with_a_whole_file_and_goes_on_when_there
     messages, events, _ = bench.recorded()
     assert messages == 2
     assert events[-1].startswith("recording goes on after a pause")
+
+
+@pytest.mark.fault_case(62)
+def test_the_free_space_is_checked_before_a_small_reserve_is_written_full(tmp_path, monkeypatch):
+    bench = Bench(tmp_path, monkeypatch, dataclasses.replace(SETTINGS, min_free_bytes=1_000_000, chunk_bytes=10_000))
+    for k in range(300):
+        bench.free = 1_100_000 - 1000 * k
+        bench.take(k, size=1000)
+    assert bench.session.state == RecorderState.PAUSED_DISK_FULL
+    assert bench.session.free > 800_000
+
+
+@pytest.mark.fault_case(63)
+@pytest.mark.parametrize("gone", ["file", "folder"])
+def test_a_file_that_is_deleted_while_it_is_written_is_reported_and_recording_goes_on(bench, gone):
+    for k in range(5):
+        bench.take(k)
+    bench.later(1.0)
+    bench.file.path.unlink()
+    if gone == "folder":
+        shutil.rmtree(bench.path)
+    bench.later(1.0)
+    session = bench.session
+    assert (session.state, session.lost) == (RecorderState.FAILED, 5)
+    assert "was deleted" in session.reason
+    bench.later(6.0)
+    assert session.state == RecorderState.RECORDING
+    bench.take(6)
+    session.finish()
+    assert bench.recorded()[0] == 1
 
 
 def test_writing_is_tried_again_no_sooner_than_asked(bench):

@@ -15,7 +15,7 @@ from pymodbus.client import ModbusSerialClient
 from mwd_sensors.drivers import polled_line
 from mwd_sensors.drivers.polled_line import Master
 from mwd_surface.rig.interface import InterfaceError
-from mwd_surface.rig.polled.unit import HOST_FRAME, QUANTITIES, PolledSettings, PolledUnit
+from mwd_surface.rig.polled.unit import QUANTITIES, PolledSettings, PolledUnit, host_frame
 from mwd_surface.rig.values import silenced
 
 OWN_FRAME = """
@@ -53,7 +53,7 @@ def polled(line, frame, rounds=1, within=10.0):
 
 def test_an_emulated_host_reads_inclination_azimuth_and_toolface():
     with on_a_line() as (unit, line):
-        got, host = polled(line, HOST_FRAME)
+        got, host = polled(line, host_frame())
         expected = values().values
         assert set(got) == {"inclination", "azimuth", "gravity_toolface"}
         for name, value in got.items():
@@ -61,7 +61,7 @@ def test_an_emulated_host_reads_inclination_azimuth_and_toolface():
         assert host.trouble == {}
         assert unit.status().sent == 1
         unit.publish(silenced(values(), 10.0, "for the test"))
-        assert all(math.isnan(value) for value in polled(line, HOST_FRAME)[0].values())
+        assert all(math.isnan(value) for value in polled(line, host_frame())[0].values())
 
 
 def test_a_frame_of_another_maker_is_served_from_its_file_with_a_dip(tmp_path):
@@ -97,11 +97,11 @@ def test_a_modbus_master_of_others_making_reads_the_usual_registers():
 
 def test_noise_and_damaged_requests_are_not_answered_and_are_said():
     with on_a_line() as (unit, line):
-        whole = polled_line.request(HOST_FRAME, HOST_FRAME.polls[0])
+        whole = polled_line.request(host_frame(), host_frame().polls[0])
         os.write(line, b"\x00\xff\x55" + whole[:-1] + bytes([whole[-1] ^ 1]))
         eventually(lambda: "wrong check" in unit.status().reason)
         assert not select.select([line], [], [], 0.1)[0]
-        assert len(polled(line, HOST_FRAME)[0]) == 3
+        assert len(polled(line, host_frame())[0]) == 3
 
 
 def test_a_frame_file_with_an_unknown_quantity_or_a_device_that_is_missing_is_refused(tmp_path):
