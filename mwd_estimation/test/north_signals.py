@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
+from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR, MICRO_G
 from mwd_sensors.core.frames import mat_nt
 
 
@@ -37,7 +38,7 @@ def motion(
     lag: float = 0.0,
 ) -> Motion:
     """
-    Rates strapdown-integrated over each interval and forces at its middle.
+    Rates strapdown-integrated over each interval and forces at its middle, with normal gravity at the latitude.
 
     Angles in rad, as numbers or functions of time, s. lag: delay of the cross-axis gyros, s.
     """
@@ -46,8 +47,7 @@ def motion(
         inc = inclination(t) if callable(inclination) else np.full(len(t), inclination)
         azi = azimuth(t) if callable(azimuth) else np.full(len(t), azimuth)
         level = Rotation.from_matrix(mat_nt(inc, azi, roll(t)))
-        earth = EARTH_RATE * np.array([math.cos(latitude), 0.0, -math.sin(latitude)])
-        return Rotation.from_rotvec(t[:, None] * earth) * level, inc, azi  # type: ignore[return-value]
+        return Rotation.from_rotvec(t[:, None] * earth.earth_rate_n(latitude)) * level, inc, azi  # type: ignore[return-value]
 
     def rates(t: Array) -> Array:
         turned = mats(t)[0]  # type: ignore[index]
@@ -61,7 +61,7 @@ def motion(
     middle = 0.5 * (t[1:] + t[:-1])
     inc = inclination(middle) if callable(inclination) else np.full(n, inclination)
     azi = azimuth(middle) if callable(azimuth) else np.full(n, azimuth)
-    accel = -STANDARD_GRAVITY * mat_nt(inc, azi, roll(middle))[:, 2, :]
+    accel = -earth.gravity(latitude, 0.0) * mat_nt(inc, azi, roll(middle))[:, 2, :]
     end_inc = inclination(t[1:]) if callable(inclination) else inc
     end_azi = azimuth(t[1:]) if callable(azimuth) else azi
     return Motion(np.rint(t[1:] * 1e9).astype(np.int64) + 10**9, gyro, accel, end_azi, end_inc)
@@ -75,12 +75,13 @@ def measured(
     accel_noise_ug: float = 0.0,
     bias: Array | None = None,
     accel_bias: Array | None = None,
+    accel_scale: float = 0.0,
     scale_x: float = 0.0,
     leak: Array | None = None,
     g_sensitivity: Array | None = None,
 ) -> tuple[Array, Array]:
     """
-    Rates and forces with errors: white noises, biases (rad/s, m/s^2), x scale, x leakage (2,), g-sensitivity (2, 2).
+    Rates and forces with errors: white noises, biases (rad/s, m/s^2), scales, x leakage (2,), g-sensitivity (2, 2).
 
     g_sensitivity: rad/s per m/s^2 of the y and z gyro to the y and z force.
     """
@@ -90,7 +91,9 @@ def measured(
     if noise_x_deg_rth is not None:
         white[:, 0] = rng.standard_normal(n) * math.sqrt(rate) * noise_x_deg_rth * DEG_PER_ROOT_HOUR
     gyro = clean.gyro_t + white
-    accel = clean.accel_t + rng.standard_normal((n, 3)) * math.sqrt(rate) * accel_noise_ug * MICRO_G
+    accel = (1.0 + accel_scale) * clean.accel_t + rng.standard_normal((n, 3)) * math.sqrt(
+        rate
+    ) * accel_noise_ug * MICRO_G
     if bias is not None:
         gyro += bias
     if accel_bias is not None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,20 +24,19 @@ from mwd_sensors.core.frames import wrap_pi
 _NARROW, _ALIKE = 0.1, 1.4
 
 
-@dataclasses.dataclass(frozen=True)
-class MixturePart:
-    """Gaussian of the horizontal Earth rate, and of an angle that is added to the azimuth found on the circle."""
+class Mixture(NamedTuple):
+    """k Gaussians of the horizontal Earth rate, and of an angle that is added to the azimuth found on the circle."""
 
-    log_weight: float  #: log evidence of this part relative to the other parts
-    #: `earth`, `S`: shapes (2,) and (2, 2); mean and covariance of the horizontal Earth rate, level frame, rad/s.
+    log_weight: Array  #: shape (k,); log evidence of each Gaussian relative to the others
+    #: `earth`, `S`: shapes (k, 2) and (k, 2, 2); mean and covariance of the horizontal Earth rate, level frame, rad/s.
     earth: Array
     S: Array
-    #: `cross`, `own`: shape (2,), and float; regression of the added angle on the Earth rate, rad per rad/s, and its
+    #: `cross`, `own`: shapes (k, 2) and (k,); regression of the added angle on the Earth rate, rad per rad/s, and its
     #: remaining variance, rad^2.
     cross: Array
-    own: float
-    shift: float  #: mean of the added angle, rad
-    misfit: float = 0.0  #: squared distance, in sigmas, of the vertical Earth rate from its value at the latitude
+    own: Array
+    shift: Array  #: shape (k,); mean of the added angle, rad
+    misfit: Array  #: shape (k,); squared distance, in sigmas, of the vertical Earth rate from its value at the latitude
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,61 +46,35 @@ class OnCircle:
     #: `mean`, `sigma`: mean and 1 sigma, rad.
     mean: float
     sigma: float
-    misfit: float  #: squared distance, in sigmas, of the most likely part's Earth rate from its value at the latitude
-    several: tuple[float, ...]  #: all angles that fit, rad, if there is more than one; empty if only one angle fits
-
-
-def part(
-    log_weight: float, earth: Array, P: Array, right: Array, at: slice, shift: float = 0.0, misfit: float = 0.0
-) -> MixturePart:
-    """
-    Return the mixture part for a Gaussian of filter states.
-
-    Parameters
-    ----------
-    log_weight, shift, misfit : float
-        See `MixturePart`.
-    earth : ndarray, shape (2,)
-        Mean of the horizontal Earth rate, rad/s.
-    P : ndarray, shape (n, n)
-        Covariance of the states.
-    at : slice
-        Indices of the horizontal Earth rate in the states.
-    right : ndarray, shape (n,)
-        Row that computes the added angle from the states.
-    """
-    S = np.asarray(P[at, at])
-    cross: Array = np.asarray(np.linalg.solve(S, P[at] @ right), dtype=float)
-    own = max(float(right @ P @ right) - float(cross @ S @ cross), 0.0)
-    return MixturePart(log_weight, np.asarray(earth), S, cross, own, shift, misfit)
+    misfit: (
+        float  #: squared distance, in sigmas, of the most likely Gaussian's Earth rate from its value at the latitude
+    )
+    several: tuple[float, ...]  #: angles that fit equally well, rad; empty if there is only one
+    log_evidence: float  #: log evidence of all Gaussians, up to a constant that all latitudes share
 
 
 class _Cost:
-    """Squared distances, in sigmas, and log likelihoods of mixture parts as functions of the angle on the circle."""
+    """The Gaussians as functions of the angle on the circle: squared distances, in sigmas, and log likelihoods."""
 
-    def __init__(self, parts: Sequence[MixturePart], horizontal: float) -> None:
-        self.inverses = [np.linalg.inv(one.S) for one in parts]
-        self._offsets = np.array(
-            [float(np.linalg.slogdet(one.S)[1]) - 2.0 * one.log_weight for one in parts], dtype=float
-        )[:, None]
-        self._north, self._east = (np.array([one.earth[k] for one in parts])[:, None] for k in (0, 1))
-        self._nn, self._ne, self._ee = (
-            np.array([inverse[i, j] for inverse in self.inverses])[:, None] for i, j in ((0, 0), (0, 1), (1, 1))
-        )
+    def __init__(self, parts: Mixture, horizontal: float) -> None:
+        self._inverse = np.linalg.inv(parts.S)
+        self._offsets = (np.linalg.slogdet(parts.S)[1] - 2.0 * parts.log_weight)[:, None]
+        self._north, self._east = parts.earth[:, :1], parts.earth[:, 1:]
+        self._nn, self._ne, self._ee = (self._inverse[:, i, j, None] for i, j in ((0, 0), (0, 1), (1, 1)))
         self._horizontal = horizontal
 
     def distances(self, angle: Array) -> Array:
-        """Return the squared distance of each part from the circle at these angles, rad; shape (parts, n)."""
+        """Return the squared distance of each Gaussian from the circle at these angles, rad; shape (k, n)."""
         d_n = self._horizontal * np.cos(angle) - self._north
         d_e = -self._horizontal * np.sin(angle) - self._east
         return np.asarray(self._nn * d_n * d_n + 2.0 * self._ne * d_n * d_e + self._ee * d_e * d_e)
 
     def each(self, angle: Array) -> Array:
-        """Return minus twice the log likelihood of each part, shape (parts, n)."""
+        """Return minus twice the log likelihood of each Gaussian, shape (k, n)."""
         return np.asarray(self.distances(angle) + self._offsets)
 
     def total(self, angle: Array) -> Array:
-        """Return minus twice the log likelihood of all parts together, shape (n,)."""
+        """Return minus twice the log likelihood of all Gaussians together, shape (n,)."""
         each = self.each(angle)
         least = each.min(axis=0)
         return np.asarray(least - 2.0 * np.log(np.exp(-0.5 * (each - least)).sum(axis=0)))
@@ -115,7 +89,7 @@ class _Cost:
         for mode in modes:
             tangent = self._horizontal * np.array([-math.sin(mode), -math.cos(mode)])
             resolved = 0.0
-            for width in sorted(1.0 / math.sqrt(float(tangent @ inverse @ tangent)) for inverse in self.inverses):
+            for width in np.sort(1.0 / np.sqrt(np.einsum("i,kij,j->k", tangent, self._inverse, tangent))):
                 # A narrow peak needs its own grid, unless the last grid was made for a peak that is nearly as narrow.
                 if _ALIKE * resolved < width < _NARROW:
                     spread.append(mode + np.linspace(-8.0, 8.0, 81) * width)
@@ -127,18 +101,18 @@ class _Cost:
         return angle, 0.5 * ((np.roll(angle, -1) - np.roll(angle, 1)) % (2.0 * math.pi))
 
 
-def along(parts: Sequence[MixturePart], horizontal: float) -> tuple[Array, Array, Array]:
+def along(parts: Mixture, horizontal: float) -> tuple[Array, Array, Array]:
     """
-    Evaluate each part at angles along the circle.
+    Evaluate each Gaussian along the circle.
 
     Returns
     -------
     angle : ndarray, shape (n,)
         Angles, rad, that resolve every mode.
-    share : ndarray, shape (parts, n)
-        Probability of each angle within its part.
-    log_weight : ndarray, shape (parts,)
-        Log evidence of each part on the circle, up to a constant.
+    share : ndarray, shape (k, n)
+        Probability of each angle within its Gaussian.
+    log_weight : ndarray, shape (k,)
+        Log evidence of each Gaussian on the circle, up to a constant.
     """
     cost = _Cost(parts, horizontal)
     angle, spacing = cost.grid([mode for mode, _ in _modes(cost.total)], lone=False)
@@ -149,20 +123,13 @@ def along(parts: Sequence[MixturePart], horizontal: float) -> tuple[Array, Array
     return angle, share / whole[:, None], np.log(whole) - 0.5 * least[:, 0]
 
 
-def log_evidence(parts: Sequence[MixturePart], horizontal: float) -> float:
-    """Return the log evidence of all parts together on the circle, up to a constant that all latitudes share."""
-    log_weight = along(parts, horizontal)[2]
-    most = float(log_weight.max())
-    return most + math.log(float(np.exp(log_weight - most).sum()))
-
-
-def posterior(parts: Sequence[MixturePart], horizontal: float, expected: float | None = None) -> OnCircle:
+def posterior(parts: Mixture, horizontal: float, expected: float | None = None) -> OnCircle:
     """
     Return mean and sigma of the azimuth, given the length of the horizontal Earth rate.
 
     Parameters
     ----------
-    parts : sequence of MixturePart
+    parts : Mixture
         Estimate from the data, weighted by the evidence.
     horizontal : float
         Earth rate times the cosine of the latitude, rad/s.
@@ -173,20 +140,22 @@ def posterior(parts: Sequence[MixturePart], horizontal: float, expected: float |
     modes = _modes(cost.total)
     best = min(modes, key=lambda mode: mode[1])[0]
     likeliest = int(np.argmin(cost.each(np.array([best]))))
-    misfit = float(cost.distances(np.array([best]))[likeliest, 0]) + parts[likeliest].misfit
+    misfit = float(cost.distances(np.array([best]))[likeliest, 0]) + float(parts.misfit[likeliest])
     if len(modes) > 1 and expected is not None:
         modes = [min(modes, key=lambda mode: abs(float(wrap_pi(mode[0] - expected))))]
     angles = [mode for mode, _ in modes]
     angle, spacing = cost.grid(angles, len(angles) == 1 and expected is not None)
     every = cost.each(angle)
-    weight = np.exp(-0.5 * (every - every.min())) * spacing
-    weight /= weight.sum()
-    d = horizontal * np.stack([np.cos(angle), -np.sin(angle)], axis=-1)
-    total = np.stack([angle + (d - one.earth) @ one.cross + one.shift for one in parts])
+    least = float(every.min())
+    weight = np.exp(-0.5 * (every - least)) * spacing
+    whole = float(weight.sum())
+    weight /= whole
+    d = horizontal * np.stack([np.cos(angle), -np.sin(angle)])
+    total = angle + parts.cross @ d + (parts.shift - np.einsum("ki,ki->k", parts.cross, parts.earth))[:, None]
     mean = math.atan2(float(np.sum(weight * np.sin(total))), float(np.sum(weight * np.cos(total))))
-    variance = float(np.sum(weight * wrap_pi(total - mean) ** 2))
-    variance += float(weight.sum(axis=1) @ np.array([one.own for one in parts]))
-    return OnCircle(mean, min(math.sqrt(variance), math.pi), misfit, tuple(angles) if len(angles) > 1 else ())
+    variance = float(np.sum(weight * wrap_pi(total - mean) ** 2)) + float(weight.sum(axis=1) @ parts.own)
+    several = tuple(angles) if len(angles) > 1 else ()
+    return OnCircle(mean, min(math.sqrt(variance), math.pi), misfit, several, math.log(whole) - 0.5 * least)
 
 
 def _modes(cost: Callable[[Array], Array]) -> list[tuple[float, float]]:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mwd_estimation.gyrocompass.azimuth_posterior import MixturePart, along, part
+from mwd_estimation.gyrocompass.azimuth_posterior import Mixture, along
 from mwd_estimation.gyrocompass.seek_params import G_SCALES, LEAST_BIAS, SeekParams, kernel_params
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import DEG_PER_HOUR
@@ -228,19 +228,14 @@ def joined(errors: GyroErrors, sought: Sought) -> Joined:
     return Joined(0.5 * log, mean * unit, S * np.outer(unit, unit), np.zeros(len(log)))
 
 
-def parts(errors: GyroErrors, found: Joined) -> list[MixturePart]:
-    """
-    Return Gaussians of the horizontal Earth rate, weighted by their evidence.
-
-    found: result of `Joined.at` with the vertical Earth rate at the latitude.
-    """
-    heading = np.eye(_HEADING + 1)[_HEADING]
-    return [
-        part(log, mean[_EARTH], S, heading, _EARTH, float(mean[_HEADING]), float(misfit))
-        for log, mean, S, misfit in zip(
-            errors.log_weight + found.log_evidence, found.mean, found.covariance, found.misfit, strict=True
-        )
-    ]
+def parts(errors: GyroErrors, found: Joined) -> Mixture:
+    """Return Gaussians of the horizontal Earth rate, weighted by evidence; found is `Joined.at` the latitude."""
+    mean, S = found.mean, found.covariance
+    earth, with_heading = S[:, _EARTH, _EARTH], S[:, _EARTH, _HEADING]
+    cross = np.asarray(np.linalg.solve(earth, with_heading[:, :, None])[:, :, 0], dtype=float)
+    own = np.maximum(S[:, _HEADING, _HEADING] - np.einsum("ki,ki->k", cross, with_heading), 0.0)
+    log_weight = errors.log_weight + found.log_evidence
+    return Mixture(log_weight, mean[:, _EARTH], earth, cross, own, mean[:, _HEADING], found.misfit)
 
 
 def learnt(errors: GyroErrors, found: Joined, horizontal: float) -> GyroErrors:

@@ -14,7 +14,8 @@ estimate far from the circle contradicts the latitude. Derivation, observability
 from __future__ import annotations
 
 import math
-from typing import cast
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +23,7 @@ from numpy.typing import ArrayLike
 from mwd_estimation.core import clip_flags, track
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import azimuth_posterior, gyro_errors
+from mwd_estimation.gyrocompass.azimuth_posterior import OnCircle
 from mwd_estimation.gyrocompass.gyro_errors import GyroErrors
 from mwd_estimation.gyrocompass.seek_filter import advance
 from mwd_estimation.gyrocompass.seek_measurement import frame
@@ -29,13 +31,25 @@ from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
 from mwd_estimation.gyrocompass.seek_refusal import WORST_SIGMA, Fit, motion, polar, refusal
 from mwd_estimation.gyrocompass.seek_state import STATE, WORK, Error, KernelParams, SeekPhase, SeekState, estimate
 from mwd_estimation.gyrocompass.solution import Solution
+from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.constants import EARTH_RATE
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 _RAMPS, _G_SENSITIVITY = range(Error.BIAS_RAMP, Error.SIZE), range(Error.G_SENSITIVITY, Error.LAG)
 # Number of sigmas from zero at which a gyro bias counts as found. Smaller biases are not compared with the stated bias:
 # in steady rotation the x bias may be a scale error.
 _FOUND = 3.0
+# Errors of a latitude that is stated wrong, rad, and the probability of all of them together (a guess).
+_WRONG_BY, _WRONG = np.radians([off for off in range(-40, 41, 5) if off]), 0.05
+# Other latitudes count if their probability is larger than this multiple of the one before the seek. Otherwise the seek
+# has not spoken against the stated latitude, and the sigma of an accurate gyro is not that of a rare mistake.
+_CONFIRMED = 2.0
+# Log likelihood ratio of gravity at which another latitude is left out.
+_EXCLUDED = -10.0
+# 1 sigma of the difference of gravity in the tool from the gravity stated for the place, m/s^2: gravity anomalies, 3 km
+# of depth, and the height of a place that is not stated.
+_LOCAL_GRAVITY = 0.003
 # Smallest change of toolface or inclination after which a still seek gives new information, rad: half an arc of
 # `gyro_errors`.
 _ANOTHER_ATTITUDE = math.radians(15.0)
@@ -133,41 +147,126 @@ def solution(params: SeekParams, state: SeekState, errors: GyroErrors | None = N
     inclination, heading, right = _hole_axis(state, method)
     now = errors_now(params, state, errors)
     anywhere = gyro_errors.joined(now, _sought(p, state, right))
-    joined = anywhere.at(p.down)
-    parts = gyro_errors.parts(now, joined)
-    circle = azimuth_posterior.posterior(parts, p.horizontal)
-    here, other = (
-        azimuth_posterior.log_evidence(of, p.horizontal) for of in (parts, gyro_errors.parts(now, anywhere.at(-p.down)))
-    )
-    # If the Earth rate differs by more than two sigmas from its value at the latitude, the errors are larger than
-    # stated. These errors affect the azimuth too, so its sigma is increased.
-    larger = max(math.sqrt(circle.misfit) - 1.0, 1.0)
-    sigma = min(larger * circle.sigma, math.pi)
-    azimuth = float(wrap_tau(circle.mean + heading))
+    told = math.radians(params.latitude_deg)
+    circle, other = (_at_latitude(now, anywhere, latitude) for latitude in (told, -told))
+    north = _of_latitudes(told, circle, _others(p, state, told), lambda one: _at_latitude(now, anywhere, one))
+    sigma_there, azimuth = _sigma(circle), float(wrap_tau(north.mean + heading))
     blind = math.sin(inclination) * math.sin(azimuth)
     seen = math.sqrt(max(1.0 - blind * blind, 1e-12)) if method != "still" else 1.0
     fitting = tuple(float(wrap_tau(angle + heading)) for angle in circle.several)
-    found = gyro_errors.learnt(now, joined, p.horizontal)
+    found = gyro_errors.learnt(now, anywhere.at(p.down), p.horizontal)
     known = np.where(np.abs(found.bias) > _FOUND * found.bias_sigma, found.bias, 0.0)
-    fit = Fit(method, azimuth, sigma, inclination, seen, circle.misfit, other - here, fitting, known)
+    fit = Fit(
+        method,
+        azimuth,
+        north.sigma,
+        inclination,
+        sigma_there,
+        seen,
+        circle.misfit,
+        other.log_evidence - circle.log_evidence,
+        north.wrong,
+        north.likeliest,
+        fitting,
+        known,
+    )
     reason = refusal(params, state, fit)
     choices: tuple[tuple[float, float], ...] = ()
     if reason is not None and reason.code is ReasonCode.TWO_AZIMUTHS_FIT_GYRO:
-        each = [azimuth_posterior.posterior(parts, p.horizontal, angle) for angle in circle.several]
+        each = [_at_latitude(now, anywhere, told, angle) for angle in circle.several]
+        added = math.sqrt(max(north.sigma**2 - sigma_there**2, 0.0))
         if all(one.sigma <= WORST_SIGMA for one in each):
-            choices = tuple((float(wrap_tau(one.mean + heading)), min(larger * one.sigma, math.pi)) for one in each)
+            choices = tuple(
+                (float(wrap_tau(one.mean + heading)), min(math.hypot(_sigma(one, circle.misfit), added), math.pi))
+                for one in each
+            )
     scribe = state.mat[:, 2]
     return Solution(
         reason,
         method,
         azimuth,
-        sigma,
+        north.sigma,
         inclination,
-        float(wrap_tau(circle.mean + math.atan2(scribe[1], scribe[0]))),
+        float(wrap_tau(north.mean + math.atan2(scribe[1], scribe[0]))),
         float(state.elapsed),
         _limit(p, seen, float(state.elapsed)),
         choices,
     )
+
+
+class _North(NamedTuple):
+    """Azimuth of the level frame for a latitude that may be wrong."""
+
+    #: `mean`, `sigma`: rad.
+    mean: float
+    sigma: float
+    #: `wrong`, `likeliest`: probability that the latitude is wrong, and the most probable other latitude, rad.
+    wrong: float
+    likeliest: float
+
+
+def _at_latitude(
+    errors: GyroErrors, found: gyro_errors.Joined, latitude: float, expected: float | None = None
+) -> OnCircle:
+    """Return the azimuth at a latitude, rad; expected: see `azimuth_posterior.posterior`."""
+    parts = gyro_errors.parts(errors, found.at(-EARTH_RATE * math.sin(latitude)))
+    return azimuth_posterior.posterior(parts, EARTH_RATE * math.cos(latitude), expected)
+
+
+def _sigma(circle: OnCircle, misfit: float | None = None) -> float:
+    """Return 1 sigma, rad, also if the Earth rate misses the circle; misfit: squared distance, None: of this one."""
+    # A rate that misses the latitude by more than two sigmas shows errors larger than stated: north has them too.
+    larger = max(math.sqrt(circle.misfit if misfit is None else misfit) - 1.0, 1.0)
+    return min(larger * circle.sigma, math.pi)
+
+
+def _others(p: KernelParams, state: SeekState, told: float) -> list[tuple[float, float]]:
+    """
+    Return other latitudes, rad, each with the log of its odds before the seek and by the measured gravity.
+
+    Gravity elsewhere differs from the gravity stated for the place by the difference of normal gravity.
+    """
+    gravity, sigma = _gravity(p, state)
+    off, normal = gravity - p.gravity, earth.gravity(told, 0.0)
+    found = []
+    for latitude in told + _WRONG_BY:
+        there = off - earth.gravity(latitude, 0.0) + normal
+        ratio = 0.5 * (off**2 - there**2) / sigma**2
+        if polar(math.degrees(latitude)) is None and ratio > _EXCLUDED:
+            found.append((float(latitude), math.log(_WRONG / (1.0 - _WRONG) / len(_WRONG_BY)) + ratio))
+    return found
+
+
+def _of_latitudes(
+    told: float, circle: OnCircle, others: Sequence[tuple[float, float]], at: Callable[[float], OnCircle]
+) -> _North:
+    """
+    Return the azimuth averaged over the stated latitude and others, weighted by their odds and the Earth rate.
+
+    The stated latitude `told`, rad, alone counts if the seek confirms it. circle: azimuth there; others: see `_others`;
+    at: returns the azimuth at a latitude.
+    """
+    circles = [circle, *(at(latitude) for latitude, _ in others)]
+    log = np.array([0.0, *(odds for _, odds in others)]) + [one.log_evidence for one in circles]
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    wrong = float(weight[1:].sum())
+    if wrong < _CONFIRMED * _WRONG:
+        return _North(circle.mean, _sigma(circle), wrong, told)
+    off = wrap_pi(np.array([one.mean for one in circles]) - circle.mean)
+    mean = float(weight @ off)
+    variance = float(weight @ (np.square([_sigma(one) for one in circles]) + (off - mean) ** 2))
+    likeliest = others[int(np.argmax(weight[1:]))][0]
+    return _North(circle.mean + mean, min(math.sqrt(variance), math.pi), wrong, likeliest)
+
+
+def _gravity(p: KernelParams, state: SeekState) -> tuple[float, float]:
+    """Return the measured gravity and 1 sigma of its difference from the gravity stated for the place, m/s^2."""
+    seconds, at = max(float(state.elapsed), 1e-9), slice(Error.FORCE_BIAS, Error.AXIS)
+    axes = state.down_axes / seconds
+    variance = float(axes @ state.P[at, at] @ axes) + p.accel_noise**2 / seconds
+    sigma = math.sqrt(variance + (p.accel_scale * p.gravity) ** 2 + _LOCAL_GRAVITY**2)
+    return float(axes @ state.force_bias) - state.down_force / seconds, sigma
 
 
 def _hole_axis(state: SeekState, method: str) -> tuple[float, float, Array]:

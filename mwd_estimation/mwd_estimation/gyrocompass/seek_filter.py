@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.core import clip_flags, track
-from mwd_estimation.gyrocompass.seek_measurement import LYING_VELOCITY, measure
+from mwd_estimation.gyrocompass.seek_measurement import LYING_VELOCITY, measure, sways
 from mwd_estimation.gyrocompass.seek_state import Error, KernelParams, SeekPhase, SeekState, SeekSums, SeekWork
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
@@ -257,10 +257,10 @@ def clear(sums: SeekSums) -> None:
 
 @compiled
 def reset(s: SeekState) -> None:
-    """Restart the seek after a data gap, because the motion in the gap is unknown; keep the clock."""
+    """Restart the seek after a data gap, because the motion in the gap is unknown; keep the clock and the scatter."""
     clear(s.sums)
     for i in range(3):
-        s.gyro_bias[i] = s.force_bias[i] = s.bias_ramp[i] = s.earth_rate[i] = 0.0
+        s.gyro_bias[i] = s.force_bias[i] = s.bias_ramp[i] = s.earth_rate[i] = s.down_axes[i] = 0.0
         for j in range(3):
             s.mat[i, j] = 1.0 if i == j else 0.0
     for i in range(2):
@@ -270,7 +270,7 @@ def reset(s: SeekState) -> None:
     s.scale_x = s.lag = s.lead = 0.0
     s.phase = SeekPhase.LEVELLING
     s.settled = s.seen = s.still_run = s.positions = s.refused_blocks = s.moved = s.samples = s.clipped = 0
-    s.level_time = s.elapsed = s.still_time = s.turn_time = 0.0
+    s.level_time = s.elapsed = s.still_time = s.turn_time = s.down_force = 0.0
 
 
 @compiled
@@ -301,6 +301,8 @@ def advance(
             transition(s, work.phi)
             _predict(p, s, work)
             measure(s, work)
+            if sways(s):
+                reset(s)
         else:
             continue
         clear(s.sums)

@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from mwd_estimation.gyrocompass.seek_state import KernelParams
+from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
 
@@ -49,7 +50,9 @@ class SeekParams:
     #: a tool that never moves and a gyro with a small bias.
     method: str = SEEK
     latitude_deg: float = 34.0  #: geodetic latitude, north positive, deg
-    gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2; S1's filter uses it
+    #: Gravity at the latitude, m/s^2; None: normal gravity on the ellipsoid. A seek that measures another gravity shows
+    #: that the latitude is wrong.
+    gravity: float | None = None
     #: Motion of the tool during the seek. auto accepts any motion; every other mode refuses a different motion.
     mode: str = "auto"
     shortest: float = 30.0  #: shortest seek that gives an azimuth, s
@@ -60,6 +63,7 @@ class SeekParams:
     gyro_bias_deg_h: float = 1.0
     gyro_x_bias_deg_h: float = 36.0
     accel_bias_ug: float = 100.0  #: sigma of the accelerometer bias, ug
+    accel_scale_ppm: float = 300.0  #: sigma of the accelerometer scale, ppm
     gyro_walk_deg_h_rth: float = 0.02  #: random walk of the gyro bias in one hour, deg/h
     gyro_ramp_deg_h2: float = 0.0  #: sigma of the ramp of the gyro bias, for example while warming up, deg/h per hour
     scale_x_ppm: float = 5000.0  #: sigma of the scale of the x gyro, ppm
@@ -113,7 +117,7 @@ def at_place(
         used.
     latitude_deg : float
     gravity : float or None
-        Local gravity, m/s^2; None uses standard gravity.
+        Gravity at the latitude, m/s^2; None: normal gravity on the ellipsoid.
     noise_deg_rth : float or None
         White noise measured at rest, deg/sqrt(h).
     """
@@ -124,7 +128,7 @@ def at_place(
     return dataclasses.replace(
         unit,
         latitude_deg=latitude_deg,
-        gravity=unit.gravity if gravity is None else gravity,
+        gravity=gravity,
         gyro_noise_deg_rth=noise,
         gyro_x_noise_deg_rth=noise,
     )
@@ -141,7 +145,7 @@ def kernel_params(params: SeekParams) -> KernelParams:
     return KernelParams(
         horizontal=horizontal,
         down=-EARTH_RATE * math.sin(latitude),
-        gravity=params.gravity,
+        gravity=earth.gravity(latitude, 0.0) if params.gravity is None else params.gravity,
         coarse_seconds=0.5 * params.shortest,
         gyro_noise=params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR,
         gyro_x_noise=params.gyro_x_noise_deg_rth * DEG_PER_ROOT_HOUR,
@@ -149,6 +153,7 @@ def kernel_params(params: SeekParams) -> KernelParams:
         gyro_bias=params.gyro_bias_deg_h * DEG_PER_HOUR,
         start_bias=(start_x, start_y, start_z),
         accel_bias=params.accel_bias_ug * MICRO_G,
+        accel_scale=params.accel_scale_ppm * 1e-6,
         bias_walk=params.gyro_walk_deg_h_rth * DEG_PER_HOUR / 60.0,
         bias_ramp=max(params.gyro_ramp_deg_h2, _LEAST_RAMP) * DEG_PER_HOUR / 3600.0,
         scale_x=params.scale_x_ppm * 1e-6,

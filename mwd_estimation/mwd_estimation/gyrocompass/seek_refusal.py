@@ -30,8 +30,10 @@ _LEAST_SENSITIVITY = 0.17
 # refused: twice this share. With a limit of 0.2, two of a hundred seeks with the wrong sign gave an azimuth, both
 # wrong.
 _WRONG_SIGN, _SIGN_DOUBTED = 0.01, 0.02
-# Largest distance of the estimated Earth rate from its value at the latitude, in sigmas; and largest instrument error,
-# in stated sigmas.
+# Probability of another latitude above which north is refused.
+_OTHER_SURE = 0.99
+# Limits in sigmas: Earth rate compared with the latitude's, and instrument errors compared with their
+# figures.
 _MISFIT, _EXCESSIVE = 3.0, 5.0
 
 
@@ -40,14 +42,19 @@ class Fit:
     """Estimate of north by the filter of a seek."""
 
     method: str  #: motion of the tool: still, two_position or rotating
-    #: `azimuth`, `sigma`, `inclination`: values for the hole axis, rad.
+    #: `azimuth`, `sigma`, `inclination`: values for the hole axis, rad; the latitude may be wrong.
     azimuth: float
     sigma: float
     inclination: float
+    sigma_there: float  #: 1 sigma of the azimuth if the latitude is right, rad
     sensitivity: float  #: share of the horizontal Earth rate that this method measures at this attitude, 0 to 1
-    misfit: float  #: squared distance, in sigmas, of the estimated Earth rate from its value at the latitude
-    other_sign: float  #: log evidence of the latitude with the opposite sign minus log evidence of the latitude
-    azimuths: tuple[float, ...]  #: all azimuths that fit, rad, if there is more than one; otherwise empty
+    misfit: float  #: squared distance of the Earth rate from the latitude's, in sigmas
+    other_sign: float  #: log evidence of the latitude with the other sign, relative to that of the latitude
+    #: `wrong`, `likeliest`: probability that the latitude is another one of the same sign, and the most probable other
+    #: one, rad.
+    wrong: float
+    likeliest: float
+    azimuths: tuple[float, ...]  #: azimuths that fit equally well, rad, if there are several
     bias: Array  #: shape (3,); gyro biases, rad/s; 0 for a bias that was not found
 
 
@@ -135,18 +142,16 @@ def _attitude(fit: Fit) -> Reason | None:
 
 
 def _latitude(params: SeekParams, fit: Fit) -> Reason | None:
-    """
-    Return the refusal if the estimated Earth rate contradicts the latitude, or None.
-
-    Either no plausible gyro errors explain the difference, or the latitude with the opposite sign is too probable.
-    """
+    """Return the refusal if no plausible unit explains the Earth rate here, or if another latitude fits better."""
     latitude = math.radians(params.latitude_deg)
     if fit.misfit > _MISFIT**2:
         return Reason(Code.LATITUDE_MISFIT, math.sqrt(fit.misfit), _MISFIT, (latitude,))
     odds = _WRONG_SIGN / (1.0 - _WRONG_SIGN) * math.exp(min(fit.other_sign, 700.0))
     wrong = odds / (1.0 + odds)
     if wrong > _SIGN_DOUBTED:
-        return Reason(Code.LATITUDE_SIGN, wrong, _SIGN_DOUBTED, (latitude, -latitude))
+        return Reason(Code.LATITUDE_OTHER, wrong, _SIGN_DOUBTED, (latitude, -latitude))
+    if fit.wrong > _OTHER_SURE or fit.sigma > WORST_SIGMA > fit.sigma_there:
+        return Reason(Code.LATITUDE_OTHER, fit.wrong, _OTHER_SURE, (latitude, fit.likeliest))
     return None
 
 
@@ -169,8 +174,8 @@ def _instrument(params: SeekParams, state: SeekState, fit: Fit) -> Reason | None
 
 
 def _uncertainty(params: SeekParams, elapsed: float, fit: Fit) -> Reason | None:
-    if fit.azimuths and fit.sigma > WORST_SIGMA / 4.0:
-        return Reason(Code.TWO_AZIMUTHS_FIT_GYRO, fit.sigma, WORST_SIGMA / 4.0, fit.azimuths)
+    if fit.azimuths and fit.sigma_there > WORST_SIGMA / 4.0:
+        return Reason(Code.TWO_AZIMUTHS_FIT_GYRO, fit.sigma_there, WORST_SIGMA / 4.0, fit.azimuths)
     if fit.sigma <= WORST_SIGMA:
         return None
     bias = params.gyro_bias_deg_h * DEG_PER_HOUR

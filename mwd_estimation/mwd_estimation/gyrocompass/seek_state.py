@@ -59,7 +59,7 @@ class KernelParams(NamedTuple):
 
     horizontal: float  #: horizontal Earth rate, rad/s
     down: float  #: vertical Earth rate, rad/s
-    gravity: float  #: local gravity, m/s^2, a value
+    gravity: float  #: gravity at the latitude, m/s^2, a value
     coarse_seconds: float  #: duration of the mean that starts S1's filter, s
     gyro_noise: float  #: white noise of the y and z gyros, rad/s/sqrt(Hz)
     gyro_x_noise: float  #: white noise of the x gyro, rad/s/sqrt(Hz)
@@ -67,6 +67,7 @@ class KernelParams(NamedTuple):
     gyro_bias: float  #: bias of the y and z gyros, rad/s
     start_bias: tuple[float, float, float]  #: bias of x, y, z at the start of a seek, rad/s
     accel_bias: float  #: bias of the accelerometers, m/s^2
+    accel_scale: float  #: scale error of the accelerometers, as a share
     bias_walk: float  #: random walk of the gyro biases, rad/s/sqrt(s)
     bias_ramp: float  #: steady drift of the gyro biases, rad/s^2
     scale_x: float  #: scale error of the x gyro, as a share
@@ -139,6 +140,10 @@ class SeekState:
     elapsed: float
     still_time: float
     turn_time: float
+    #: `down_force`, `down_axes`: integrals while seeking of the measured downward force, m/s, and of the downward
+    #: components of the tool axes, shape (3,), s.
+    down_force: float
+    down_axes: Annotated[Array, 3]
     #: `axis_reference`, `roll_reference`: shape (3,); reference directions of hole axis and tool z in the level frame,
     #: for `axis` and `roll`.
     axis_reference: Annotated[Array, 3]
@@ -149,9 +154,9 @@ class SeekState:
     axis_difference2: Annotated[Array, 2]
     #: shape (3,); variance of high side and right side of the axis, and of roll, from block to block, rad^2.
     scatter: Annotated[Array, 3]
-    #: `still_run`, `positions`, `refused_blocks`, `moved`: number of blocks at rest in a row; number of intervals at
-    #: rest with a reference roll; number of blocks in a row whose axis was ignored; number of detected moves of the
-    #: axis.
+    first_scatter: Annotated[Array, 2]  #: scatter of the axis when the seek began, rad^2
+    #: `still_run`, `positions`, `refused_blocks`, `moved`: number of blocks at rest in a row; of rests with a roll; of
+    #: blocks in a row whose axis was ignored; and of detected moves of the axis.
     still_run: int
     positions: int
     refused_blocks: int

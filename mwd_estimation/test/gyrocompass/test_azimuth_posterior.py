@@ -9,24 +9,31 @@ import numpy as np
 import pytest
 
 from mwd_estimation.gyrocompass import azimuth_posterior
+from mwd_estimation.gyrocompass.azimuth_posterior import Mixture
 from mwd_sensors.core.frames import wrap_pi
 
 RATE = 5e-5  # rad/s, horizontal Earth rate
 
 
-def one(azimuth: float, sigma: float, log_weight: float = 0.0, length: float = 1.0, angle: float = 0.0):
-    """Part whose Earth rate lies at an azimuth, with the same sigma, as a share of the rate, in both directions."""
-    P = np.zeros((3, 3))
-    P[:2, :2] = np.eye(2) * (sigma * RATE) ** 2
-    P[2, 2] = angle**2
+def one(azimuth: float, sigma: float, log_weight: float = 0.0, length: float = 1.0, angle: float = 0.0) -> Mixture:
+    """Gaussian whose Earth rate lies at an azimuth, with the same sigma, as a share of the rate, in both directions."""
     earth = length * RATE * np.array([math.cos(azimuth), -math.sin(azimuth)])
-    return azimuth_posterior.part(log_weight, earth, P, np.array([0.0, 0.0, 1.0]), slice(0, 2))
+    return gaussian(earth, np.eye(2) * (sigma * RATE) ** 2, log_weight, angle)
+
+
+def gaussian(earth: np.ndarray, S: np.ndarray, log_weight: float = 0.0, angle: float = 0.0) -> Mixture:
+    none = np.zeros(1)
+    return Mixture(np.array([log_weight]), earth[None], S[None], np.zeros((1, 2)), np.array([angle**2]), none, none)
+
+
+def several(*each: Mixture) -> Mixture:
+    return Mixture(*(np.concatenate(field) for field in zip(*each, strict=True)))
 
 
 @pytest.mark.parametrize("azimuth", [-3.1, -1.0, 0.0, 2.5, math.pi])
 @pytest.mark.parametrize("sigma", [1e-4, 0.01, 0.06])
 def test_a_narrow_gaussian_keeps_its_azimuth_and_sigma(azimuth: float, sigma: float) -> None:
-    found = azimuth_posterior.posterior([one(azimuth, sigma)], RATE)
+    found = azimuth_posterior.posterior(one(azimuth, sigma), RATE)
     assert abs(float(wrap_pi(found.mean - azimuth))) < 1e-3 * sigma
     assert found.sigma == pytest.approx(sigma, rel=0.01)
     assert found.misfit == pytest.approx(0.0, abs=1e-6)
@@ -34,52 +41,52 @@ def test_a_narrow_gaussian_keeps_its_azimuth_and_sigma(azimuth: float, sigma: fl
 
 
 def test_a_gaussian_wider_than_the_circle_knows_nothing_but_its_side() -> None:
-    found = azimuth_posterior.posterior([one(1.0, 3.0)], RATE)
+    found = azimuth_posterior.posterior(one(1.0, 3.0), RATE)
     # The spread of an angle of which nothing is known is pi / sqrt(3).
     assert found.sigma == pytest.approx(math.pi / math.sqrt(3.0), rel=0.1)
 
 
 def test_the_distance_from_the_circle_is_given_in_sigmas() -> None:
-    assert azimuth_posterior.posterior([one(1.0, 0.02, length=1.1)], RATE).misfit == pytest.approx(25.0, rel=1e-3)
+    assert azimuth_posterior.posterior(one(1.0, 0.02, length=1.1), RATE).misfit == pytest.approx(25.0, rel=1e-3)
 
 
 def test_the_angle_that_is_added_brings_its_own_sigma() -> None:
-    assert azimuth_posterior.posterior([one(1.0, 0.03, angle=0.04)], RATE).sigma == pytest.approx(0.05, rel=0.01)
+    assert azimuth_posterior.posterior(one(1.0, 0.03, angle=0.04), RATE).sigma == pytest.approx(0.05, rel=0.01)
 
 
 def test_a_thin_ellipse_across_the_circle_has_two_answers_of_which_the_expected_one_is_taken() -> None:
     S = np.diag([0.01**2, 5.0**2]) * RATE**2
     # Only the north part is known: cos(azimuth) = 0.5, hence 60 or -60 deg.
-    ridge = azimuth_posterior.MixturePart(0.0, np.array([0.5, 0.0]) * RATE, S, np.zeros(2), 0.0, 0.0)
-    both = azimuth_posterior.posterior([ridge], RATE)
+    ridge = gaussian(np.array([0.5, 0.0]) * RATE, S)
+    both = azimuth_posterior.posterior(ridge, RATE)
     assert sorted(both.several) == pytest.approx([-math.pi / 3.0, math.pi / 3.0], abs=0.01)
     assert both.sigma > 0.9
-    found = azimuth_posterior.posterior([ridge], RATE, expected=0.8)
+    found = azimuth_posterior.posterior(ridge, RATE, expected=0.8)
     assert found.mean == pytest.approx(math.pi / 3.0, abs=0.01)
     assert found.sigma == pytest.approx(0.01 / math.sin(math.pi / 3.0), rel=0.05)
 
 
 def test_parts_are_weighed_by_their_evidence_and_by_how_well_they_fit_the_circle() -> None:
     narrow, wide = one(1.0, 0.01), one(1.0, 0.5, log_weight=-5.0)
-    mixed = azimuth_posterior.posterior([wide, narrow], RATE)
+    mixed = azimuth_posterior.posterior(several(wide, narrow), RATE)
     assert mixed.mean == pytest.approx(1.0, abs=1e-3)
     assert 0.01 < mixed.sigma < 0.1
     # Thirty sigma off the circle the narrow one has no say, whatever its weight was.
-    off = azimuth_posterior.posterior([wide, one(1.0, 0.01, length=1.3)], RATE)
-    assert off.sigma == pytest.approx(azimuth_posterior.posterior([wide], RATE).sigma, rel=0.01)
+    off = azimuth_posterior.posterior(several(wide, one(1.0, 0.01, length=1.3)), RATE)
+    assert off.sigma == pytest.approx(azimuth_posterior.posterior(wide, RATE).sigma, rel=0.01)
 
 
 def test_the_misfit_is_that_of_the_part_that_answers_not_of_an_unlikely_one_that_fits() -> None:
     answers, unlikely = one(1.0, 0.1, length=1.5), one(2.5, 1.0, log_weight=-60.0)
-    alone = azimuth_posterior.posterior([answers], RATE)
-    found = azimuth_posterior.posterior([answers, unlikely], RATE)
+    alone = azimuth_posterior.posterior(answers, RATE)
+    found = azimuth_posterior.posterior(several(answers, unlikely), RATE)
     assert found.mean == pytest.approx(alone.mean, abs=1e-3)
     assert found.misfit == pytest.approx(alone.misfit, rel=1e-3)
     assert alone.misfit == pytest.approx(25.0, rel=1e-3)
 
 
 def test_parts_of_like_widths_share_the_angles_that_resolve_them() -> None:
-    alike = [one(1.0, 0.01 * 1.01**k) for k in range(48)]
+    alike = several(*(one(1.0, 0.01 * 1.01**k) for k in range(48)))
     angle, share, _ = azimuth_posterior.along(alike, RATE)
     assert len(angle) < 1200
     for k, shares in enumerate(share):

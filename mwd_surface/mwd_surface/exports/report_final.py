@@ -16,7 +16,7 @@ from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.plots.path_comparison import end_ellipses, figure_of
 from mwd_surface.signals.cells import fixed, typed
 from mwd_surface.surveys.final_list import FinalList, Overlap
-from mwd_surface.trajectory.list_comparison import PathDifference
+from mwd_surface.trajectory.list_comparison import PathDifference, covariance_between
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,7 +64,8 @@ def final_sections(
     def along() -> Figure:
         return figure_of(changes, *names)
 
-    ends = [(table.path.positions[-1], _last(table)) for table in tables]
+    last = float(changes.md[-1])
+    ends = [(table.path.at(last)[2], _horizontal(table, last)) for table in tables]
     has_ellipses = any(covariance is not None for _, covariance in ends)
 
     def at_the_end() -> Figure:
@@ -76,9 +77,9 @@ def final_sections(
         drawings=(
             Drawing("Differences along the hole", along),
             Drawing(
-                "End of the path in plan view, ellipses at 2 sigma"
+                "Last depth of both lists in plan view, ellipses at 2 sigma"
                 if has_ellipses
-                else "End of the path in plan view, without position uncertainty",
+                else "Last depth of both lists in plan view, without position uncertainty",
                 at_the_end,
             ),
         ),
@@ -104,8 +105,9 @@ def _overlap(one: Overlap) -> tuple[str, ...]:
     return *metres, typed(one.used), typed(one.left_out), *sigmas, apart
 
 
-def _last(table: SurveyTable) -> Array | None:
-    """Return the horizontal covariance at the end of a path, shape (2, 2), m^2; None if it is unknown."""
-    if table.covariance is None or not np.all(np.isfinite(table.covariance[-1])):
+def _horizontal(table: SurveyTable, measured_depth: float) -> Array | None:
+    """Return the horizontal covariance of a path at a depth, m, shape (2, 2), m^2; None if it is unknown."""
+    if table.covariance is None:
         return None
-    return np.asarray(table.covariance[-1][:2, :2])
+    found = covariance_between(table.path.md, table.covariance, np.array([measured_depth]))[0, :2, :2]
+    return np.asarray(found) if np.all(np.isfinite(found)) else None

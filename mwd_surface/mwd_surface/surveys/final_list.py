@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -67,12 +67,17 @@ class Overlap:
 
 @dataclasses.dataclass(frozen=True)
 class FinalList:
-    """The final list, the survey programme of its stations, the overlaps of its sources, and remarks for people."""
+    """
+    The final list, the survey programme of its stations, the overlaps of its sources, and remarks for people.
+
+    sources: name of the source of each station, by its number.
+    """
 
     surveys: SurveyList
     programme: SurveyProgramme
     overlaps: tuple[Overlap, ...] = ()
     remarks: tuple[str, ...] = ()
+    sources: Mapping[int, str] = dataclasses.field(default_factory=dict)
 
 
 def final_list(sources: Sequence[ListSource]) -> FinalList:
@@ -95,18 +100,14 @@ def final_list(sources: Sequence[ListSource]) -> FinalList:
     if programme is None:
         raise ValueError(f"{first.name} has no tool code; give one as {first.name}=CODE")
     surveys, remarks = _analysed(first.surveys.configured(well, first.surveys.rules), well.error_model)
-    found = FinalList(surveys, programme, (), remarks)
+    found = FinalList(surveys, programme, (), remarks, {r.survey.sequence: first.name for r in surveys.records})
     for source in sources[1:]:
-        found = _joined(found, source, first.name)
+        found = _joined(found, source)
     return found
 
 
-def _joined(whole: FinalList, source: ListSource, name: str) -> FinalList:
-    """
-    Return the final list with the stations of another source added.
-
-    name: name of the source of the stations that are already in the list.
-    """
+def _joined(whole: FinalList, source: ListSource) -> FinalList:
+    """Return the list with the stations of another source."""
     surveys = whole.surveys
     mine = [r for r in surveys.records if r.in_use and _on_path(surveys, r)]
     theirs = _renamed(source, surveys)
@@ -124,6 +125,8 @@ def _joined(whole: FinalList, source: ListSource, name: str) -> FinalList:
         comment = f"{record.comment}; {better} is used here".removeprefix("; ")
         return dataclasses.replace(record, in_use=False, comment=comment)
 
+    covering = [r for r in mine if upper <= r.measured_depth <= lower] or mine
+    name = ", ".join(dict.fromkeys(whole.sources[r.survey.sequence] for r in covering))
     # Compute the well twice: with the present stations in the interval, and with the stations of the other source.
     kept = [left_out(r, name) for r in theirs]
     with_mine = _with(whole, [*surveys.records, *kept], kept, source)
@@ -193,7 +196,8 @@ def _with(
         else:
             intervals.append(Interval(code, above, here, source.name, leg))
     programme = dataclasses.replace(whole.programme, intervals=(*intervals, *whole.programme.intervals))
-    return dataclasses.replace(whole, surveys=surveys, programme=programme)
+    names = {**whole.sources, **{r.survey.sequence: source.name for r in theirs}}
+    return dataclasses.replace(whole, surveys=surveys, programme=programme, sources=names)
 
 
 def _path(whole: FinalList) -> tuple[Definitive, Array]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from north_signals import measured, motion
@@ -26,6 +27,8 @@ _NOISE, _ACCEL_NOISE = 0.05, TACTICAL.accel_noise_ug_rthz
 _RATE, _BIN = 50.0, 25
 # A station: time to settle, which shows the noise, and at rest, s; and the time between two.
 _SETTLING_BINS, _AT_REST_S, _BETWEEN_S = 10, 62.0, 1800.0
+# Local gravity less normal gravity, as a share, 1 sigma.
+_LOCAL_GRAVITY = 2e-4
 # Time in which the temperature, and with it the ramp of a bias, becomes another, s.
 _WARMING_S = 3600.0
 # Sway of a hanging string, Hz, and the spread of inclination and azimuth between stations.
@@ -75,6 +78,7 @@ UNITS = {
     "bias ramp of 10 deg/h per hour": Unit(warming=10.0),
     "latitude 3 deg wrong": Unit(latitude_off=3.0),
     "latitude 10 deg wrong": Unit(latitude_off=10.0),
+    "latitude 15 deg wrong": Unit(latitude_off=15.0),
 }
 
 
@@ -121,7 +125,7 @@ def run(unit: Unit, rng: np.random.Generator) -> list[Found]:
     latitude_deg, biases = rng.uniform(10.0, 62.0), _Biases(unit, rng)
     stated_deg = latitude_deg + unit.latitude_off * rng.choice([-1.0, 1.0]) if unit.latitude_off else latitude_deg
     figures = dataclasses.replace(TACTICAL, gyro_noise_deg_rth=unit.stated_noise)
-    station = GyroStation(figures, stated_deg, STANDARD_GRAVITY)
+    station = GyroStation(figures, stated_deg, None)
     errs = _lasting(unit, rng)
     inclination, azimuth, toolface = rng.uniform([20.0, 0.0, 0.0], [90.0, 360.0, 360.0]) * DEG
     found = []
@@ -143,8 +147,12 @@ def run(unit: Unit, rng: np.random.Generator) -> list[Found]:
     return found
 
 
-def _lasting(unit: Unit, rng: np.random.Generator) -> dict[str, Array]:
-    """What errs alike throughout beside the gyros' biases: g-sensitivity, rad/s per m/s^2, and accelerometer bias."""
+def _lasting(unit: Unit, rng: np.random.Generator) -> dict[str, Any]:
+    """
+    Errors that are the same throughout, other than the gyros' biases.
+
+    These are g-sensitivity, rad/s per m/s^2, accelerometer bias, and accelerometer scale with the local gravity.
+    """
     sensitivity = (
         unit.g_sensitivity
         * TACTICAL.g_sensitivity_deg_h_g
@@ -155,6 +163,7 @@ def _lasting(unit: Unit, rng: np.random.Generator) -> dict[str, Array]:
     return {
         "g_sensitivity": sensitivity,
         "accel_bias": TACTICAL.accel_bias_ug * MICRO_G * rng.standard_normal(3),
+        "accel_scale": float(rng.standard_normal(2) @ [TACTICAL.accel_scale_ppm * 1e-6, _LOCAL_GRAVITY]),
     }
 
 
@@ -162,7 +171,7 @@ def _samples(
     unit: Unit,
     attitude: tuple[float, float, float],
     latitude_deg: float,
-    errs: dict[str, Array],
+    errs: dict[str, Any],
     biases: _Biases,
     rng: np.random.Generator,
 ) -> tuple[Stamps, Array]:
