@@ -3,15 +3,15 @@
 Jumps of the gyro bias and of the velocity, found from the innovations of the last seconds.
 
 The filter assumes that biases walk slowly and that the string stays in place. Three events contradict this: a gyro
-whose bias steps (by a blow, or a fault of its supply), a string that starts or stops along its hole, and a velocity
-that the accelerometers did not measure (a knock that clips them, or vibration that point samples alias to a slow
-force). Until the event is known, the filter takes it for a tilt. A jump is a hypothesis about one time in the last
-seconds. Its probability follows from the innovations since then (Willsky and Jones, A generalized likelihood ratio
-approach to the detection and estimation of jumps in linear systems, IEEE Trans. Autom. Control 21, 1976). The
-information that innovations carry about an error at each earlier time comes from one backward pass (de Jong and Penzer,
-Diagnosing shocks in time series, J. Am. Stat. Assoc. 93, 1998). If one kind of jump is much more probable than the
-others and than no jump, the filter corrects the errors that the jump has caused since, and adds the covariance of the
-estimate.
+whose bias steps (by a blow, or a fault of its supply), a string that starts or stops along its hole, at once or within
+seconds, and a velocity that the accelerometers did not measure (a knock that clips them, or vibration that point
+samples alias to a slow force). Until the event is known, the filter takes it for a tilt. A jump is a hypothesis about
+one time in the last seconds. Its probability follows from the innovations since then (Willsky and Jones, A generalized
+likelihood ratio approach to the detection and estimation of jumps in linear systems, IEEE Trans. Autom. Control 21,
+1976). The information that innovations carry about an error at each earlier time comes from one backward pass (de Jong
+and Penzer, Diagnosing shocks in time series, J. Am. Stat. Assoc. 93, 1998). If one kind of jump is much more probable
+than the others and than no jump, the filter corrects the errors that the jump has caused since, and adds the covariance
+of the estimate.
 """
 
 from __future__ import annotations
@@ -25,8 +25,10 @@ from mwd_estimation.gravity.bounded import information, measurement, mechanisati
 from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_estimation.gravity.bounded.state import (
     BIAS,
+    DOWN,
     ERRORS,
     STEADY,
+    TILT,
     VEL,
     BoundedRecord,
     forget_density,
@@ -50,10 +52,11 @@ SURPRISING = 10.0
 # Averaging time of the innovations, s; averaging time of their spectral density, s; and smallest density that is used.
 SLOW_TIME, DENSITY_TIME, LEAST_DENSITY = 0.5, 10.0, 0.1
 # Kinds of jumps: a bias steps; the string starts or stops along its hole; the accelerometers miss a part of the
-# velocity.
-STEP, TRAVEL, KNOCK, KINDS = 0, 1, 2, 3
-# A jump is accepted if the logarithm of its odds exceeds the logarithm of the odds of the competing jumps by at least
-# this value. Jumps of the velocity do not compete with each other, because travel along the hole is a special knock.
+# velocity; the string begins to accelerate along its hole.
+STEP, TRAVEL, KNOCK, RAMP, KINDS = 0, 1, 2, 3, 4
+RAMP_TIME = 1.0  # s, usual time in which a string reaches its speed
+# A jump is accepted if the logarithm of its odds exceeds this plus that of the competing jumps. Jumps of the velocity
+# do not compete with each other, because travel along the hole is a special knock.
 SURE = 5.0
 # Point samples of vibration near a multiple of the sampling rate show a slow force of the size of the vibration. Its
 # usual duration, s: a sweep of 1 Hz/s passes the rate within a second.
@@ -116,10 +119,11 @@ def _search(p: BoundedParams, s: BoundedRecord) -> tuple[int, int]:
             if found > odds[kind]:
                 odds[kind], at[kind] = found, back
     moved = TRAVEL if odds[TRAVEL] >= odds[KNOCK] else KNOCK
-    # Integrated samples miss a velocity only where they clip, which `clipping` follows.
+    # A string that accelerates competes with a step of the bias, but nothing is wrong with the state that the filter
+    # could correct. Integrated samples miss a velocity only where they clip, which `clipping` follows.
     if s.meaning.sampled and odds[moved] >= odds[STEP] + SURE:
         return moved, at[moved]
-    certain = odds[STEP] >= odds[moved] + SURE and at[STEP] >= AFTER_STEP
+    certain = odds[STEP] >= max(odds[moved], odds[RAMP]) + SURE and at[STEP] >= AFTER_STEP
     return STEP, at[STEP] if certain else 0
 
 
@@ -135,6 +139,11 @@ def _moves(p: BoundedParams, s: BoundedRecord, kind: int) -> Array:
             moves[VEL + j, j] = missed
         else:
             moves[VEL + j, 0] = p.axial_speed * s.C[j, 0]
+    if kind == RAMP:
+        # To the filter, a constant acceleration is a tilt and an error of the vertical force.
+        force = p.axial_speed / RAMP_TIME
+        moves[TILT, 1], moves[TILT + 1, 1] = force / p.gravity * s.C[1, 0], -force / p.gravity * s.C[0, 0]
+        moves[DOWN, 1] = force * s.C[2, 0]
     return moves
 
 
@@ -206,6 +215,9 @@ def _apply(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> None:
                     s.P[i, j] += moves[i, a] * covariance[a, b] * moves[j, b]
     measurement.symmetrise(s.P, STEADY)
     measurement.correct(s, STEADY)
+    # The covariance of the jump is not inflated, so a scale below 1 must not reduce it.
+    for found in (s.innovations.along, s.innovations.across):
+        found.power = max(found.power, 1.0)
     if kind == STEP:
         s.gyro_step = since
         forget_density(s)

@@ -91,6 +91,20 @@ def test_a_string_that_starts_and_stops_is_not_taken_for_a_step(motion, seed):
     assert not got.gyro_step.any()
 
 
+@pytest.mark.parametrize("lasts", [0.5, 1.0, 1.6, 2.0])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_string_that_takes_seconds_to_start_along_a_horizontal_hole_is_not_taken_for_a_step(lasts, seed):
+    t, speed = np.arange(4500) / 100.0, 0.5
+    down = np.broadcast_to(np.array([0.03, 0.6, np.sqrt(1.0 - 0.36 - 0.0009)]), (len(t), 3))
+    rng = np.random.default_rng(seed)
+    accel = -P.gravity * down + rng.standard_normal((len(t), 3)) * 0.05
+    accel[:, 0] += np.where((t > 20.0) & (t < 20.0 + lasts), speed / lasts, 0.0)
+    accel[:, 0] -= np.where((t > 32.0) & (t < 32.0 + lasts), speed / lasts, 0.0)
+    gyro = 0.001 * rng.standard_normal((len(t), 3)) + 0.001
+    got = bounded.run(P, bounded.initial(P), (t * 1e9).astype(np.int64), gyro, accel)
+    assert not got.gyro_step.any()
+
+
 @pytest.mark.slow(15)
 @pytest.mark.parametrize("case", ["rot155", "stickslip", "biasdrift", "surge", "shocks"])
 def test_no_step_is_found_in_ordinary_motion(case):
