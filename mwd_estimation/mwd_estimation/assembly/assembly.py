@@ -55,7 +55,7 @@ class Component:
 
     @property
     def mass(self) -> float:
-        """Mass in air per metre, kg/m."""
+        """Mass in air per metre, kg/m: the stated one, or computed from diameters and density if none is stated."""
         return self.linear_mass_kg_m or self.density_kg_m3 * self._area
 
     @property
@@ -65,7 +65,7 @@ class Component:
         return self.youngs_modulus_gpa * 1e9 * math.pi / 64.0 * (od**4 - inner**4)
 
     def buoyed_mass(self, mud_kg_m3: float) -> float:
-        """Return the mass per metre minus the mass of the mud displaced, kg/m; the bore is full of mud."""
+        """Return the mass per metre minus the mass of the displaced mud, kg/m; the bore is full of mud."""
         return self.mass - mud_kg_m3 * self._area
 
     @property

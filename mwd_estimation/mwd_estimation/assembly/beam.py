@@ -38,7 +38,11 @@ class Beam:
 
 @dataclass(frozen=True)
 class Shape:
-    """Deflection, m, slope against the axis of the hole, rad, and wall force, N, of each node, shape (n + 1,)."""
+    """
+    Shape of a beam: deflection, m, slope against the axis of the hole, rad, and force of the wall on the beam, N.
+
+    Each has the shape (n + 1,), one value per node; deflection and force are positive towards the high side.
+    """
 
     deflection: Array
     slope: Array
@@ -47,14 +51,14 @@ class Shape:
 
 def shape(beam: Beam) -> Shape:
     """
-    Compute the shape of a beam in its hole.
+    Compute deflection, slope and wall force of a beam in its hole.
 
     The beam can rotate freely at the bit, and is parallel to the hole at its upper end.
 
     Raises
     ------
     ValueError
-        If the axial force buckles the beam.
+        If the axial force buckles the beam, or no stable set of contacts with the wall is found.
     """
     bending, axial, load = _assembled(beam)
     bounds = np.full(len(load), np.inf)
@@ -75,8 +79,9 @@ def _bounded(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[
     """
     Return the deflections and slopes with the smallest energy between -bounds and bounds, and the contacts.
 
-    The contact of a row is -1 or 1 if the row is at the lower or upper bound, else 0. side: initial guess of the
-    contacts. Raises LinAlgError if the energy has no minimum.
+    All arrays have one row per deflection and per slope of the nodes. The contact of a row is -1 or 1 if the row is at
+    the lower or upper bound, else 0. side: initial guess of the contacts. Raises LinAlgError if the energy has no
+    minimum, or no stable set of contacts is found.
     """
     limited = np.isfinite(bounds)
     rigid = bounds <= 0.0
@@ -101,7 +106,11 @@ def _bounded(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[
 
 
 def _one_by_one(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[Array, Indices]:
-    """Solve the problem of `_bounded` by a primal active set, which changes one contact at a time."""
+    """
+    Return the results of `_bounded`, found by a primal active set, which changes one contact at a time.
+
+    Raises LinAlgError as `_bounded` does.
+    """
     side, reach = side.copy(), np.where(np.isfinite(bounds), bounds, 0.0)
     found = np.where(side != 0, side * reach, 0.0)
     for _ in range(20 * len(load)):
@@ -125,7 +134,12 @@ def _one_by_one(matrix: Array, load: Array, bounds: Array, side: Indices) -> tup
 
 
 def _solved(matrix: Array, load: Array, fixed: NDArray[np.bool_]) -> Array:
-    """Solve the equations of the rows that are not fixed; the matrix has three diagonals beside the main diagonal."""
+    """
+    Return the solution of matrix x = load in the rows that are not fixed, and 0 in the fixed rows.
+
+    The matrix is symmetric, with three diagonals above the main diagonal. Raises LinAlgError if it is not positive
+    definite.
+    """
     band = np.zeros((4, len(load)))
     for k in range(4):
         band[3 - k, k:] = np.where(fixed[k:] | fixed[: len(load) - k], 0.0, np.diagonal(matrix, k))
@@ -134,7 +148,11 @@ def _solved(matrix: Array, load: Array, fixed: NDArray[np.bool_]) -> Array:
 
 
 def _assembled(beam: Beam) -> tuple[Array, Array, Array]:
-    """Return the matrices of bending and axial force, (2n + 2, 2n + 2), and the load, (2n + 2,), for the nodes."""
+    """
+    Return the matrices of bending and axial force, (2n + 2, 2n + 2), and the load, (2n + 2,).
+
+    The rows are the deflection and the slope of each node in turn.
+    """
     count = len(beam.at)
     stiffness, tightness = np.zeros((2 * count, 2 * count)), np.zeros((2 * count, 2 * count))
     load = np.zeros(2 * count)

@@ -34,7 +34,7 @@ class SagCorrection:
     table: tuple[tuple[float, float], ...] = ()  #: pairs of inclination, rad, increasing, and correction, rad
 
     def at(self, inclination: float) -> float:
-        """Return the correction at an inclination, rad."""
+        """Return the correction, rad, at an inclination, rad; outside the table, that of the nearest end."""
         if not self.table:
             return self.horizontal * math.sin(inclination)
         inclinations, corrections = zip(*self.table, strict=True)
@@ -61,7 +61,7 @@ def sag(assembly: Assembly, inclination: float, build: float | None = None) -> f
     Raises
     ------
     ValueError
-        If the weight on bit buckles the assembly.
+        If the weight on bit buckles the assembly, or no stable set of contacts with the wall is found.
     """
     at, lies = lie(assembly, inclination, build)
     return float(lies.slope[int(np.argmin(np.abs(at - assembly.sensor_m)))])
