@@ -57,7 +57,8 @@ def write(
     """
     Fill the messages of a stretch of n samples; return the number of rejected samples.
 
-    An unknown value is NaN, and so is its sigma; values that depend on a suspect sensor have a sigma of pi.
+    An unknown value is NaN, and so is its sigma. The sigma is pi for values that depend on a suspect sensor, and for
+    azimuth and gravity toolface near the vertical.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last_sigma: f
 def _magnetic_toolface(
     plain: AttitudeRow, azimuth: AzimuthRow, down_x: float, near_vertical: bool
 ) -> tuple[float, float]:
-    """Return the angle of the scribe line from north and 1 sigma, rad; down_x: x component of the unit vector down."""
+    """Return the magnetic toolface and its 1 sigma, rad; down_x: x component of the unit vector down."""
     if near_vertical or not math.isfinite(azimuth.azimuth):
         return plain.magnetic_toolface, plain.sigma_magnetic_toolface
     # Add the propagated azimuth minus the plain azimuth to the magnetic toolface. Without a plain azimuth, compute the
@@ -138,7 +139,7 @@ def _write_attitude(
     near_vertical = status & _NEAR_VERTICAL != 0
     has_azimuth, angle, sigma = _azimuth(plain, azimuth, status, last.sigma)
     toolface, sigma_toolface = _magnetic_toolface(plain, azimuth, sample.down[0], near_vertical)
-    # For a rejected sample: the angle that the tool may have turned until its stamp.
+    # `turned` is infinite if the toolfaces of a rejected sample are unknown.
     has_turn = sample.turned < math.inf
     has_north = (has_azimuth or (math.isfinite(plain.azimuth) and near_vertical)) and has_turn
     has_high_side = has_gravity and has_turn
@@ -167,7 +168,7 @@ def _write_attitude(
 
 @compiled
 def _sigma(sigma: float, known: bool, unsure: bool) -> float:
-    """Return the sigma for the message, rad: NaN if the value is unknown, pi if its error may have any size."""
+    """Return the sigma for the message, rad: NaN if the value is not known, pi if the value may have any error."""
     return (math.pi if unsure else sigma) if known else math.nan
 
 

@@ -2,8 +2,9 @@
 """
 Integrals of the azimuth rate over bins of time, from the gyros of the conventional and of the precision unit.
 
-    azimuth' = (w - w_ie) . (d - (d.x) x) / sin^2 I        d: unit vector down in tool axes, from any gravity method
+    azimuth' = (w - w_ie) . (d - (d.x) x) / sin^2 I        d: unit vector down, from any gravity method
 
+Here w is the measured rate, w_ie the rotation of the Earth, x the tool axis, all in tool axes, and I the inclination.
 The x rate drops out, except for its leakage into the cross-axis gyros. If the rotary speed varies in step with the
 rotation, the leakage does not average out (a variation of 2 % of 120 r/min and a leakage of 0.2 mrad give 10 deg/h at
 30 deg inclination). The sums of a bin contain everything that a filter needs to propagate an azimuth and its covariance
@@ -47,7 +48,7 @@ def _add_rate(sums: BinSums, dt: float, share: float, dy: float, dz: float, wx: 
     """
     Add a rate that lasted for dt to the sums of its unit; return the change of the azimuth in this time, rad.
 
-    dt: s; share: dt / across^2, s; dy, dz: unit vector down across the tool; wx, wy, wz: rate, rad/s.
+    dt: s; dy, dz: y and z of the unit vector down; share: dt / (dy^2 + dz^2), s; wx, wy, wz: rate, rad/s.
     """
     turn = (wy * dy + wz * dz) * share
     y, z = dy * share, dz * share
@@ -66,7 +67,7 @@ def _add_rate(sums: BinSums, dt: float, share: float, dy: float, dz: float, wx: 
 
 @compiled
 def _spin(sample: Sample) -> float:
-    """Return the rate about the axis, rad/s; 0 if the x gyro has no value, because only the leakage needs this rate."""
+    """Return the rate about the axis, rad/s; 0 if the x gyro has no value, as only small error terms need this rate."""
     return sample.gyro[0] if math.isfinite(sample.gyro[0]) else 0.0
 
 
@@ -75,7 +76,8 @@ def add_sample(p: GyroAzimuthParams, s: GyroAzimuthState, sample: Sample, earth_
     """
     Add a sample of the conventional unit to the open bin and to the ring of samples.
 
-    The sample must be later than the last one, with finite y and z rates and a known vector down. earth_north:
+    The sample must be later than the last one, with finite y and z rates and a known vector down. Near the vertical it
+    only marks the bin as vertical; after a step longer than GAP_NS it only adds the step to the gap. earth_north:
     northward component of the Earth's rotation times the cosine of the azimuth, rad/s.
     """
     stamp, wx, wy, wz = sample.stamp_ns, _spin(sample), sample.gyro[1], sample.gyro[2]
@@ -138,7 +140,7 @@ def precision_sums(
     Returns
     -------
     usable : bool
-        Whether the precision unit covers the bin and stays within its range.
+        Whether the rates cover the bin, stay within the range of the unit, and the hole is not near the vertical.
     next : int
         Index of the first rate of a later bin.
     """

@@ -25,7 +25,7 @@ class StationUpdate:
     """Results of a survey station that the continuous estimate uses."""
 
     #: State, shape (8,), and covariance, shape (8, 8), of the interference filter from the stations of the run; the
-    #: continuous filter continues from these values. None if the run has none.
+    #: continuous filter continues from these values. None if the stations gave no estimate.
     interference: tuple[Array, Array] | None
     #: `down`, `field`: shape (3,); unit vector down and field, T, at the station.
     down: Array

@@ -69,7 +69,7 @@ class AttitudeStream:
     Attributes
     ----------
     handed_on : ndarray of dtype `time_alignment_state.PAIR`
-        Magnetic samples of the last block with gravity at their own stamps.
+        Magnetic samples selected in the last block, one per interval, with gravity at their own stamps.
     propagated : list of PropagatedAzimuth
         Propagated azimuths at each bin event of the last block.
     """
@@ -106,7 +106,7 @@ class AttitudeStream:
         time_alignment.restart_smoothing(self._alignment_state)
 
     def restart_field(self) -> None:
-        """Restart the estimate of the interference; test its first azimuths against the gyro-propagated azimuth."""
+        """Restart the estimate of the interference, and discard the magnetic azimuths that wait for the end of a bin."""
         self._magnetic.start_anew()
         self._azimuths_read -= len(self._waiting)
         self._waiting = self._waiting[:0]
@@ -114,7 +114,7 @@ class AttitudeStream:
 
     @property
     def propagated_now(self) -> PropagatedAzimuth:
-        """Azimuths propagated to the last bin."""
+        """Azimuths propagated to the end of the last closed bin."""
         return gyro_azimuth.propagated_azimuth(self._azimuth_state)
 
     @property
@@ -210,7 +210,7 @@ class AttitudeStream:
         return interference, rejected
 
     def _align(self, block: Block, stretches: list[tuple[slice, MagneticModelInForce]]) -> tuple[Samples, Samples]:
-        """Return the attitude of the block's samples without gyros, and the magnetic azimuths measured in the block."""
+        """Return the attitude of the n samples without gyros, ATTITUDE_ROW, and the magnetic azimuths of the block."""
         plain: list[Samples] = []
         magnetic: list[Samples] = []
         handed_on: list[Samples] = []

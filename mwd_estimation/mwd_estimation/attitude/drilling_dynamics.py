@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Drilling dynamics in the quantities that are usual in drilling, from IMU samples and their gravity.
+Drilling dynamics from IMU samples and their gravity, in the quantities that are usual in drilling.
 
-They are rotary speed and stick-slip severity (SSI = (max - min) / (2 mean) of the down-hole rotary speed), rms
-vibration along and across the axis without gravity, peaks, and shocks counted as separate excursions above a threshold.
-A summary is computed every second over the last ten seconds. If the unit sends strapdown-integrated samples, a sample
-is the average over its interval, and vibration above half the sample rate is not included.
+The quantities are rotary speed and stick-slip severity (SSI = (max - min) / (2 mean) of the down-hole rotary speed),
+rms vibration along and across the axis without gravity, peaks, and the number of shocks, which are separate excursions
+above a threshold. A summary is computed every second over the last ten seconds. If the unit sends strapdown-integrated
+samples, a sample is the average over its interval, and vibration above half the sample rate is not included.
 
 Summaries end at full seconds since 1970, so that the result does not depend on how the stream is cut into blocks.
 """
@@ -30,7 +30,7 @@ _PER_PERIOD = PERIOD_NS // SLOT_NS
 SLOTS = PERIODS * _PER_PERIOD
 # Excursions closer than this count as one shock, ns; one microsecond is added for uneven stamps.
 _SEPARATION_NS = 10_001_000
-_LEAST_SPEED = 0.5  # rad/s; below this speed there is no stick-slip index
+_LEAST_SPEED = 0.5  # mean rotary speed below which there is no stick-slip index, rad/s
 _NONE = np.iinfo(np.int64).min
 
 
@@ -99,8 +99,8 @@ def run(params: DynamicsParams, state: Samples, samples: Samples, attitude: Samp
     Returns
     -------
     ndarray of dtype `wire.DYNAMICS`
-        One summary for each period that ended, stamped with its end. Stick-slip index and share of sticking are NaN if
-        the string does not turn.
+        One summary for each period with samples, stamped with the end of the period, once a later sample has come.
+        Stick-slip index and share of sticking are NaN if the mean rotary speed is below 0.5 rad/s.
     """
     stamps = samples["stamp_ns"]
     span = int(stamps.max() - stamps.min()) if len(stamps) else 0
@@ -119,7 +119,7 @@ def _open(s: DynamicsState, index: int) -> None:
 
 @compiled
 def _sticking(s: DynamicsState, first: int, mean: float) -> float:
-    """Return the share of slots from index `first` on with a speed below a tenth of `mean`, the mean speed, rad/s."""
+    """Return the share, 0 to 1, of the slots from index `first` on with a speed below a tenth of `mean`, rad/s."""
     slots, sticking = 0, 0
     for slot in s.slots:
         if slot.index >= first:
@@ -172,9 +172,10 @@ def _summarise(s: DynamicsState, row: Samples) -> None:
 @compiled
 def _count_shock(p: DynamicsParams, s: DynamicsState, stamp: int, whole2: float) -> None:
     """
-    Count each excursion above the shock threshold once; samples in a row above it are one shock at any sample rate.
+    Count each excursion above the shock threshold once, at any sample rate.
 
-    whole2: squared magnitude of the non-gravity acceleration, (m/s^2)^2.
+    An excursion that begins at most 10 ms after the last sample above the threshold belongs to the same shock. whole2:
+    squared magnitude of the non-gravity acceleration, (m/s^2)^2.
     """
     if whole2 < p.shock_threshold * p.shock_threshold:
         s.above = False

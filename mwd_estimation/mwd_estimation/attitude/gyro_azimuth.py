@@ -153,7 +153,11 @@ def _step(
 
 @compiled
 def _take_magnetic(p: GyroAzimuthParams, s: GyroAzimuthState, measured: MagneticAzimuth) -> None:
-    """Update the filter with a magnetic azimuth of the last bin, propagated to the end of the bin."""
+    """
+    Update the filter with a magnetic azimuth, propagated to the end of the last bin.
+
+    Azimuths and sigmas that are not finite are ignored.
+    """
     sigma = measured.sigma_slow + measured.sigma_held + measured.sigma_noise + measured.sigma_constant
     if math.isfinite(measured.azimuth + sigma) and sigma > 0.0:
         since = s.bin_gyro_turn - azimuth_rate.gyro_turn_at(s, measured.stamp_ns)
@@ -165,7 +169,7 @@ def _correct(p: GyroAzimuthParams, s: GyroAzimuthState, step: BinEvent, propagat
     """
     Correct the azimuth by a north seek and begin to propagate a station's azimuth, at the end of a bin.
 
-    `propagated` is filled with the azimuths before the station is applied.
+    `propagated` is filled with the azimuths before the station is applied. has_azimuth: first result of `_step`.
     """
     if has_azimuth and math.isfinite(step.seek_azimuth) and step.seek_sigma > 0.0:
         kalman_filter.seek(p, s, step.seek_azimuth, step.seek_sigma)
@@ -176,7 +180,11 @@ def _correct(p: GyroAzimuthParams, s: GyroAzimuthState, step: BinEvent, propagat
 
 @compiled
 def _write(p: GyroAzimuthParams, s: GyroAzimuthState, sigma: float, across2: float, row: AzimuthRow) -> None:
-    """Write the azimuth of a sample; sigma: 1 sigma of this azimuth, rad; across2: squared sine of the inclination."""
+    """
+    Write the azimuth of a sample: NaN if there is none, near the vertical, or if its sigma is above `max_sigma`.
+
+    sigma: 1 sigma of this azimuth, rad; across2: squared sine of the inclination.
+    """
     row.status = np.uint32(0)
     if not s.have_azimuth or not across2 >= p.vertical_sin2:
         row.azimuth, row.sigma = math.nan, math.inf

@@ -92,7 +92,7 @@ def correct(s: GyroAzimuthState, azimuth: float, slow: float, constant: float, v
     Update with an azimuth = x[AZIMUTH] + slow x[SLOW_ERROR] + constant x[CONSTANT_ERROR] + noise, rad.
 
     variance: variance of the noise, rad^2; extra: variance, rad^2, that is added after the test against the gate, for
-    noise that the next azimuths repeat. Returns False, with the state unchanged, for an azimuth beyond the gate.
+    noise that the next azimuths repeat. Returns whether the azimuth is used; beyond the gate, x and P stay unchanged.
     """
     h, ph = np.zeros(STATES), np.empty(STATES)
     h[Error.AZIMUTH], h[Error.SLOW_ERROR], h[Error.CONSTANT_ERROR] = 1.0, slow, constant
@@ -195,7 +195,7 @@ def open_bias(s: GyroAzimuthState, sums: BinSums) -> None:
 @compiled
 def estimate_leakage(p: GyroAzimuthParams, s: GyroAzimuthState, sums: BinSums, unit: int) -> None:
     """
-    Estimate the leakage of the x rate into y and z of a unit, from a bin in which the tool rotated.
+    Estimate the leakage of the x rate into y and z of a unit, from a bin in which the tool made at least half a turn.
 
     In axes of the rotating tool, a true rotation of the hole axis averages out over whole turns. The remaining integral
     of a cross-axis rate is bias * time + leakage * spin.
@@ -233,7 +233,11 @@ def _follow_innovations(p: GyroAzimuthParams, s: GyroAzimuthState, dt: float) ->
 
 @compiled
 def _scale_of_slow_error(s: GyroAzimuthState, measured: MagneticAzimuth) -> float:
-    """Return the factor of the state SLOW_ERROR in a magnetic azimuth, rad; rescale the state if sigma has changed."""
+    """
+    Return the factor of the state SLOW_ERROR in a magnetic azimuth, rad.
+
+    If the azimuth is usable and its sigma has changed, the state is rescaled.
+    """
     slow = measured.sigma_slow
     kept = s.have_azimuth and s.slow_sigma > 0.0 and slow > 0.0
     share = min(slow / s.slow_sigma, s.slow_sigma / slow) if kept else 0.0
@@ -253,7 +257,7 @@ def _first_azimuth(
     p: GyroAzimuthParams, s: GyroAzimuthState, azimuth: float, slow: float, constant: float, variance: float
 ) -> None:
     """
-    Start the filter at a magnetic azimuth; the error of the state is minus the errors of this magnetic azimuth.
+    Start the filter at a magnetic azimuth, whose slow and constant errors are then the errors of the azimuth state.
 
     slow, constant: 1 sigma of the slow and the constant error, rad; variance: variance of the noise, rad^2.
     """

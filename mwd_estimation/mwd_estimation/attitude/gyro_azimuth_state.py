@@ -113,7 +113,7 @@ class GyroAzimuthParams(NamedTuple):
 
 
 def at_latitude(params: GyroAzimuthParams, latitude_deg: float | None) -> GyroAzimuthParams:
-    """Return the settings with the Earth's rotation at a latitude; without latitude, the rotation counts as drift."""
+    """Return the settings with the Earth's rotation at a latitude, deg; None: the rotation counts as drift."""
     if latitude_deg is None:
         drifting = tuple(unit._replace(drift=math.hypot(unit.drift, EARTH_RATE)) for unit in params.units)
         return params._replace(units=(drifting[0], drifting[1]))
@@ -125,15 +125,15 @@ class BinSums:
     """Integrals over a bin of time; d: unit vector down; across^2 = d_y^2 + d_z^2; w: rate, rad/s; tool axes."""
 
     bin: int  #: index of the bin; NO_BIN if empty
-    turn: float  #: rotation of the axis according to the gyros, rad
+    turn: float  #: change of the azimuth of the axis according to the gyros, rad
     across: Annotated[Array, 2]  #: integral of d_y and d_z over across^2, s: rotation per bias
-    time: float  #: duration, s
+    time: float  #: time covered by samples, without data gaps, s
     earth: float  #: integral of d_x / across, s: rotation per northward Earth rate
     noise: float  #: integral of 1 / across^2, s
     tilt: float  #: integral of the squared error of the azimuth rate from 1 sigma of tilt of the vertical, rad^2/s
     gap: float  #: duration of data gaps, s
     gyro_turn: float  #: `GyroAzimuthState.gyro_turn` at the end of the bin, rad
-    vertical: bool  #: whether the hole was vertical in the bin
+    vertical: bool  #: whether a sample of the bin was nearer to the vertical than `vertical_sin2` allows
     leakage: Annotated[Array, 2]  #: integral of w_x d_y and w_x d_z over across^2, rad: rotation per leakage
     spin: float  #: integral of w_x, rad
     rate: Annotated[Array, 2]  #: integral of w_y and w_z, rad
@@ -153,7 +153,7 @@ class GyroAzimuthState:
     #: `last_ns`, `bins_opened`: stamp of the last sample, ns, and number of bins opened since the start.
     last_ns: int
     bins_opened: int
-    gyro_turn: float  #: rotation of the axis integrated from the conventional gyros, rad
+    gyro_turn: float  #: change of the azimuth of the axis since the start, from the conventional gyros, rad
     #: `x`, `P`: Kalman states and covariance.
     x: Annotated[Array, STATES]
     P: Annotated[Array, STATES, STATES]

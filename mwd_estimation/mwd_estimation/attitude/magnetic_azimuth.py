@@ -31,7 +31,7 @@ _UNOBSERVED = 0.7
 # reported as refused.
 _MAX_UNOBSERVED = math.radians(3.0)
 # Without a reference: sigma of the slowly changing errors, as a share of the magnetic sigma without its constant part;
-# the rest of the variance is noise.
+# the remaining variance is noise.
 _SLOW_SHARE = 0.95
 # 1 sigma of the tilt of a station, rad; and ratio of chi-square to the gate above which a station contradicts the
 # estimated interference.

@@ -42,7 +42,7 @@ _RESTS, _REST_ANGLE = 0.5, math.radians(5.0) * math.sqrt(20.0)
 _HANGS = 0.5
 # Smallest delay that is corrected, s, and smallest number of its sigmas: at 120 r/min, 5 ms turn the field by 3.6 deg.
 _LEAST_S, _SIGMAS = 0.005, 4.0
-# A long delay is corrected as soon as its relative error is below this share; the rest is corrected later.
+# A long delay is corrected as soon as its relative error is below this share; the remaining delay is corrected later.
 _SHARE = 0.05
 # Number of passes over a span. Each pass uses the mean speed over the delay that the previous pass found, because the
 # speed may change within the delay.
@@ -63,7 +63,7 @@ def in_words(late_ns: int) -> str:
 
 class MagneticDelay:
     """
-    Estimator of the delay from gravity and field in tool axes; it does not depend on how the streams are cut.
+    Estimator of the delay from gravity and field in tool axes; the delay does not depend on how the streams are cut.
 
     Attributes
     ----------
@@ -184,7 +184,7 @@ class MagneticDelay:
         """
         Increase the variance of the angle by the change of the field since the last bin.
 
-        field: strength of the field across the axis and component along the axis, T.
+        field, shape (2,): strength of the field across the axis and component along the axis, T.
 
         A magnetic disturbance near the hole turns the cross-axis field by an angle, rad, of about the relative change
         of the field.
@@ -196,7 +196,7 @@ class MagneticDelay:
 
     def _update(self, angle: float, rate: float) -> None:
         """
-        Update angle and delay with one bin.
+        Update angle and delay with one bin; if the innovation is above 3 sigmas, restart the angle first.
 
         angle: mean measured angle of the bin, rad, which is expected to be the state of the angle minus rate times
         delay; rate: mean rotary speed of the bin, rad/s.

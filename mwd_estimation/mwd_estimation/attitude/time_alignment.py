@@ -69,7 +69,7 @@ def run(
     pairs : ndarray of dtype PAIR
         Selected magnetic samples, one for each interval of `interval_ns`.
     used : int
-        Number of waiting magnetic samples used; the rest waits for the next block.
+        Number of waiting magnetic samples used; the caller passes the remaining ones again with the next block.
     """
     rows = np.zeros(len(samples), dtype=ATTITUDE_ROW)
     pairs = np.zeros(len(mag.stamp_ns), dtype=PAIR)
@@ -123,7 +123,7 @@ def _take_mag(p: TimeAlignmentParams, s: TimeAlignmentState, model: FieldModel, 
     Pair one magnetic sample with gravity at its stamp, and update the smoothed azimuth and magnetic toolface.
 
     at: stamp, ns. `pair` contains the field and the sigma of the tilt; its vector down and azimuth are filled. Returns
-    False, with the state unchanged, if field or gravity is zero or not finite.
+    whether the sample is used; if field or gravity is zero or not finite, the state stays unchanged.
     """
     size, turn = _gravity_at(s, at, pair.g_t)
     off_x, off_y, off_z = model.interference

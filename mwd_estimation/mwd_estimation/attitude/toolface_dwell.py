@@ -35,7 +35,7 @@ class DwellParams(NamedTuple):
 
 
 class DwellRecord:
-    """State that is carried from one block of samples to the next."""
+    """State between two blocks of samples."""
 
     last_ns: int  #: stamp of the last sample used, ns; 0 before the first
     turned_ns: int  #: stamp of the last sample in which the string turned, ns; 0 before the first
@@ -51,7 +51,7 @@ RECORD = dtype_of(DwellRecord)
 
 def run(params: DwellParams, state: Samples, stamps: Stamps, track: Track) -> None:
     """
-    Set the status bit TOOLFACE_UNSETTLED in a track of n samples, in place.
+    Set the status bit TOOLFACE_UNSETTLED in the samples of a track whose toolface cannot be used, in place.
 
     Parameters
     ----------
