@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The 48 ways to exchange and reverse three axes, and the effect of each on vectors that are propagated by the gyros.
+The 48 mappings that exchange and reverse three axes, and the effect of each on vectors that the gyros propagate.
 
-A signed permutation P turns true components into measured ones: `v' = P v`. With gyros `w' = G w` and vectors `v' = V
-v` (V a signed permutation too), and G = s Q' (Q proper, s = +1 or -1), the propagated vector is `R v = Q R_s Q' V' v'`.
-Here R_s is the attitude integrated from s w', and ' after a matrix is its transpose. The length of the mean of the
-propagated vector depends only on s and on M = Q' V' up to sign, which gives 2 x 24 different cases.
+A mapping P is a signed permutation that turns true components into measured ones: `v_m = P v`. Let the gyros measure
+`w_m = G w` with G = s Q^T (Q proper, s = +1 or -1), and another sensor `v_m = V v`. With R_s the attitude integrated
+from s w_m, the propagated vector `R v` is `Q R_s Q^T V^T v_m`. The length of its mean depends only on s and on M = Q^T
+V^T up to sign, which gives 2 x 24 different cases.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def _signed_permutations() -> list[Indices]:
 
 
 def _contrived(m: Indices) -> int:
-    """Return the rank of a wiring mistake by its probability: 1 (one axis reversed, two exchanged) to 4 (mixtures)."""
+    """Return the rank of a mapping as a mistake: 1 (most likely: one axis reversed, two exchanged) to 4 (mixtures)."""
     fixed, flips = int(np.count_nonzero(np.diagonal(m))), int(np.count_nonzero(m < 0))
     if fixed == 3:
         return {1: 1, 3: 2, 2: 3}[flips]
@@ -71,7 +71,11 @@ MISTAKES, WEIGHTS = _mistakes()
 
 
 def kind_of(k: int) -> tuple[str, str]:
-    """Return the kind of mapping k ("swapped", "flipped" or "frame") and the letters of the axes that it changes."""
+    """
+    Return the kind of mapping k and the letters of the axes that it changes.
+
+    The kind is "swapped", "flipped" or "frame". For all three axes the letters are "all" if flipped, otherwise "xyz".
+    """
     m = MAPPINGS[k]
     flipped = "".join(a for n, a in enumerate("xyz") if m[n].sum() < 0)
     moved = "".join(a for n, a in enumerate("xyz") if m[n, n] == 0)

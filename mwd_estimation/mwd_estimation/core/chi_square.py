@@ -7,7 +7,11 @@ import math
 
 
 def exceeded(value: float, freedom: int) -> float:
-    """Return the probability that chi-square exceeds a value (Abramowitz and Stegun 1964, 26.4.4 and 26.4.5)."""
+    """
+    Return the probability that chi-square with `freedom` degrees of freedom exceeds a value.
+
+    Source: Abramowitz and Stegun 1964, 26.4.4 and 26.4.5.
+    """
     half, odd = 0.5 * value, 0.5 * (freedom % 2)
     if half <= 0.0:
         return 1.0
@@ -17,7 +21,7 @@ def exceeded(value: float, freedom: int) -> float:
 
 
 def limit(probability: float, freedom: int) -> float:
-    """Return the value that chi-square exceeds with this probability; inverse of `exceeded`."""
+    """Return the value that chi-square with `freedom` degrees of freedom exceeds with this probability."""
     low, high = 0.0, 1.0
     while exceeded(high, freedom) > probability:
         high *= 2.0

@@ -39,7 +39,7 @@ class FaultText:
 
 
 def describe(fault: SensorFault) -> FaultText:
-    """Return the description of a fault for people."""
+    """Return the description of a fault for people; a fault that has ended gets no remedy."""
     sensor, description = SENSORS[fault.place // 3], _DESCRIPTIONS[fault.code]
     message, remedy = (_not_provided if fault.declared else description.words)(fault, sensor)
     text = FaultText(
@@ -223,7 +223,7 @@ def _way_words(masks: tuple[int, ...]) -> str:
 
 
 def mapping_words(k: int) -> str:
-    """Describe in words how a mapping of `axis_mappings` changes the axes."""
+    """Return words that say how the mapping with index k in `axis_mappings.MAPPINGS` changes the axes."""
     kind, axes = kind_of(k)
     still = [a for a in "xyz" if a not in axes]
     if kind == "flipped":

@@ -27,5 +27,5 @@ class Innovation(NamedTuple):
 
 
 def of_power(source: str, power: float) -> Innovation:
-    """Return the record of a source without a gate; power: mean squared innovation, sigma^2; 0 before the first."""
+    """Return the record of a source without a gate; power: mean square of innovation / sigma, 0 before the first."""
     return Innovation(source, math.sqrt(power)) if power > 0.0 else Innovation(source)

@@ -34,7 +34,7 @@ _FASTEST, _STRONGEST_FORCE, _STRONGEST_FIELD = 200.0, 4000.0, 0.01
 _STRONGEST_PRECISION = 1000.0
 # Gate of temperatures, degC: from cold storage to the hottest wells, with a margin.
 _COLDEST, _HOTTEST = -100.0, 400.0
-# Factors from SI to the units that a sensor may send instead: deg/s; nT, the largest of the other field units.
+# Factors from SI to the units of measurement that a sensor may send instead: deg/s; nT, which has the largest factor.
 _OTHER_RATE, _OTHER_FIELD = math.degrees(1.0), 1e9
 # Gate of the flow, m^3/s. No pump moves more mud; in a 5 in pipe it would flow at 100 m/s.
 _MOST_FLOW = 1.0
@@ -66,7 +66,11 @@ class Ranges(NamedTuple):
 
 class InputGate:
     """
-    The gate of one tool. Samples must be in the axes of their own unit, because a range belongs to an axis of a sensor.
+    The gate of one tool.
+
+    Samples must be in the axes of their own sensor unit, because a range belongs to an axis of a sensor. Each method
+    returns the samples themselves if the gate changes no value, otherwise a changed copy. Refused readings that may be
+    in another unit of measurement are kept for `take_refused`.
 
     ranges : Ranges
         Measuring ranges of the sensors.
@@ -103,7 +107,7 @@ class InputGate:
         return samples
 
     def take_refused(self) -> Samples:
-        """Return and forget the refused readings that may be in another unit, dtype REFUSED, shape (n,)."""
+        """Return and forget the refused readings that may be in another unit of measurement, dtype REFUSED, (k,)."""
         refused, self._refused = self._refused, np.zeros(0, dtype=REFUSED)
         return refused
 
@@ -165,7 +169,8 @@ def _apply(values: Array, low: float, high: float) -> NDArray[np.float64]:
     """
     Replace each value, shape (n, k), beyond the gate by NaN and each -0 by 0, in place.
 
-    Returns the length of each row that has a value beyond the gate, shape (n,), and NaN for the other rows.
+    Returns the length of each row that has a value beyond the gate, without its NaN components, shape (n,), and NaN for
+    the other rows.
     """
     sizes = np.full(values.shape[0], math.nan)
     for i in range(values.shape[0]):

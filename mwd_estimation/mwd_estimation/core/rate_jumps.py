@@ -104,7 +104,7 @@ def _run(s: JumpState, stamps: Stamps, gyro: Array) -> NDArray[np.bool_]:
 @compiled
 def _goes_astray(s: JumpState, c: int, dt: float, rate: float) -> bool:
     """
-    Return whether the rate of axis c has changed in a way that later samples have not confirmed yet.
+    Update the state of axis c; return whether its rate has changed and later samples have not confirmed the change yet.
 
     dt: time since the last sample, s; rate: rate of this sample, rad/s.
     """

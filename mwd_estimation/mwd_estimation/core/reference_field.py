@@ -48,7 +48,7 @@ class ExternalField:
 
     @property
     def is_storm(self) -> bool:
-        """Whether the external field is so strong that a magnetic storm is its cause."""
+        """Whether the strength is above `STORM`, which a magnetic storm causes."""
         return self.strength > STORM
 
 
@@ -91,7 +91,7 @@ class Reference:
     observatory: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse values that are impossible on the Earth."""
+        """Raise ValueError for values that are impossible on the Earth, or if only one of strength and dip is given."""
         for name in ("total", "dip", "declination", "convergence", "gravity"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
@@ -135,7 +135,11 @@ class Reference:
 
     @property
     def covariance(self) -> Array:
-        """Covariance of (horizontal, vertical), shape (2, 2), T^2, from the sigmas of strength and dip."""
+        """
+        Covariance of (horizontal, vertical), shape (2, 2), T^2, from the sigmas of strength and dip.
+
+        Raises ValueError if the field is unknown.
+        """
         total, dip = self._field()
         jacobian = np.array([[math.cos(dip), -total * math.sin(dip)], [math.sin(dip), total * math.cos(dip)]])
         return np.asarray(jacobian @ np.diag([self.sigma_total**2, self.sigma_dip**2]) @ jacobian.T)
@@ -151,7 +155,11 @@ class Reference:
 
 
 def best_north(reference: Reference | None) -> str:
-    """Return the most useful north that the reference allows: grid if there is a grid, else true, else magnetic."""
+    """
+    Return the most useful north that the reference allows: "grid", "true" or "magnetic", in this order.
+
+    True north needs the declination, grid north also a convergence other than 0.
+    """
     # A convergence of 0 means that there is no grid: grid north and true north are the same, and the name "true" is
     # used.
     for north in ("grid", "true") if reference is not None and reference.convergence else ("true",):

@@ -88,10 +88,10 @@ class RepeatedSamples:
 
     def take(self, log_ns: Stamps, samples: Samples, *, stamped: bool = True) -> tuple[Stamps, Samples]:
         """
-        Return the samples that are not copies, with their log times, ns.
+        Return the log times, ns, and the samples that are not copies.
 
-        log_ns, samples: log times, ns, and samples in the order of arrival, with a field `stamp_ns`. stamped: whether
-        equal stamps mean the same measurement.
+        Samples that are held back are returned by a later call. log_ns, samples: log times, ns, and samples in the
+        order of arrival, with a field `stamp_ns`. stamped: whether equal stamps mean the same measurement.
         """
         if not len(samples):
             return log_ns, samples
@@ -184,6 +184,6 @@ def _forget(s: RepeatedState) -> None:
 
 @compiled
 def _mixed(found: int, bits: int) -> int:
-    """Return a hash updated with another number."""
+    """Return the hash `found`, updated with another number."""
     found = (found ^ bits) * _MIX
     return found ^ (found >> 32)

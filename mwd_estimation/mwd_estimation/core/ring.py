@@ -23,7 +23,7 @@ class Ring:
 
 @compiled
 def place(ring: Ring, back: int) -> int:
-    """Return the index in `rows` of the sample that is `back` samples back (1: newest; at most the length)."""
+    """Return the index in `rows` of sample number `back`, counted back from the newest (1) to the oldest (`length`)."""
     at = ring.head - back
     return at if at >= 0 else at + len(ring.rows)
 

@@ -17,7 +17,7 @@ SENSORS = ("gyro", "accelerometer", "magnetometer")
 
 
 class FaultUnit(enum.IntEnum):
-    """Unit that a fault belongs to; EITHER: one of the two units is faulty, but it is unknown which one."""
+    """Sensor unit that a fault belongs to; EITHER: one of the two units is faulty, but which of them is unknown."""
 
     CONVENTIONAL = 0
     PRECISION = 1
@@ -123,7 +123,7 @@ class SensorFault:
 
     @property
     def mount(self) -> str:
-        """For MOUNT: orientation of the unit in the tool in words, from its axis about which the string turned."""
+        """For MOUNT: orientation of the unit in the tool, from the axis about which the string turned; else ""."""
         return mount.words(mount.by_turning(np.array(self.which, dtype=float))) if any(self.which) else ""
 
     def in_unit_axes(self, mat_tu: Array) -> SensorFault:

@@ -48,7 +48,7 @@ class StampJitter:
         self._state = np.zeros(1, dtype=JITTER_STATE)
 
     def sigma(self, stamps: Stamps) -> Array:
-        """Return 1 sigma of the error of each stamp, s, shape (n,); stamps: ns, shape (n,)."""
+        """Return 1 sigma of the error of each stamp, s, shape (n,), 0 before 50 steps are known; stamps: ns, (n,)."""
         sigma: Array = _run(self._state[0], stamps)
         return sigma
 
@@ -82,7 +82,7 @@ def follows_no_period(s: JitterState) -> bool:
 
 @compiled
 def take_step(s: JitterState, step: float) -> None:
-    """Update the period and the means with one step, s."""
+    """Update the period and the means with one step, s; restart them if the step is shorter than 0.6 periods."""
     if s.count == 0 or step < 0.6 * s.period:
         # The period assumed so far was two or more steps long, because samples were missing.
         s.count, s.period = 0, step

@@ -118,7 +118,7 @@ class Binner:
         return closed
 
     def flush(self, before_ns: int) -> list[Bin]:
-        """Close and return the open bin if it ends by a time, ns; for a stream that has stopped."""
+        """Close and return the open bin if it ends by a time, ns, else an empty list; for a stream that has stopped."""
         index = int(self._open["index"][0])
         if index == _NONE or (index + 1) * self.length_ns > before_ns:
             return []
@@ -174,7 +174,11 @@ def _close(s: ClosedAt, sums: OpenBinSums, closed: Closed, row: int, place: int)
 def _fill(
     state: Samples, sums: OpenBinSums, stamp_ns: Stamps, values: Array, start: int, length_ns: int, closed: Closed
 ) -> tuple[int, int]:
-    """Add samples from `start` on; stop if `closed` is full. Return the next sample and the number of closed bins."""
+    """
+    Add the samples from index `start` on; stop if `closed` is full.
+
+    Returns the index of the first sample not added, and the number of closed bins.
+    """
     s = state[0]
     first, total, low, high, products = sums
     channels = len(first)

@@ -72,7 +72,7 @@ class _Pace:
         self.last_ns, self._step = stamp, self._step if step is None else step
 
     def take_block(self, stamps: Stamps) -> bool:
-        """Accept a block and return True if each stamp is within BACK_NS of the latest one; else return False."""
+        """Accept a block and return True if each stamp is within BACK_NS of the latest one; else only return False."""
         first = int(stamps[0]) if self.last_ns == _NONE else self.last_ns
         latest = np.maximum.accumulate(np.concatenate([[first], stamps]))
         if not ((stamps > latest[:-1] - BACK_NS) & (stamps <= latest[:-1] + BACK_NS)).all():
@@ -236,7 +236,7 @@ class Clocks:
 
     def reached(self, before_ns: int) -> dict[str, Samples]:
         """
-        Return, for each stream, the waiting samples whose time the leader has reached.
+        Remove and return the waiting samples of each stream whose time the leader has reached, by name of the stream.
 
         before_ns: latest stamp of the leader before its last block, ns. Thus a stream whose clock was ahead and is
         right again waits only until the next sample of the leader.
@@ -256,7 +256,7 @@ class Clocks:
         return self._lead.last_ns
 
     def release(self) -> dict[str, Samples]:
-        """Return, for each stream, the samples that waited for the leader to jump back; call this after the jump."""
+        """Remove and return, by stream, the samples that waited for the leader to jump back; call this after a jump."""
         return {name: other.released() for name, other in self._others.items() if other.is_ahead}
 
 

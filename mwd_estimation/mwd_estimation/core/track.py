@@ -2,9 +2,9 @@
 """
 Track: the output of every gravity method for each sample, and the checks that each sample passes first.
 
-A sample is admitted, admitted after a gap, or rejected (not finite, or its stamp does not advance). A rejected sample
-does not change the filter; the last estimate is repeated with a flag. Thus no filter ever gets a value that is not
-finite.
+A sample is admitted, admitted after a gap, or rejected (not finite, no force on any axis, or its stamp does not
+advance). A rejected sample does not change the filter; the last estimate is repeated with a flag. Thus no filter ever
+gets a value that is not finite.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Track(NamedTuple):
 
 def sample_arrays(stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> tuple[Stamps, Array, Array]:
     """
-    Return the arrays of one block, checked for shape, in the types and memory layout that kernels need.
+    Return stamps, rates and forces of one block, checked for shape, in the types and memory layout that kernels need.
 
     Raises
     ------
