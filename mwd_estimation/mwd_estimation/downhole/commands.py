@@ -38,12 +38,20 @@ class Commands:
         self.settings, self.echo = tool_commands.ToolSettings(), 0
 
     def listen(self, medium: str, stamps: Stamps, signal: Array) -> None:
-        """Add samples of the flow, m^3/s, or the rotation, rad/s, depending on `medium`; shape (n,), stamps in ns."""
+        """
+        Add samples of the flow, m^3/s, or the rotation, rad/s, shape (n,), with their stamps, ns, shape (n,).
+
+        medium: name of the quantity; the samples are ignored if the downlink uses the other one.
+        """
         if self._decoder is not None and self._downlink is not None and self._downlink.medium == medium:
             self._received.extend(self._decoder.push(stamps, signal))
 
     def obey(self, now: int) -> bool:
-        """Apply the commands that the tool has decoded at a time, ns; return whether the code to echo has changed."""
+        """
+        Apply the commands that the tool has decoded at a time, ns; return whether the code to echo has changed.
+
+        A command that the tool cannot carry out is ignored and not echoed.
+        """
         before = self.echo
         while self._decoder is not None and self._received:
             if now < self._received[0].stamp_ns + self._decoder.delay_ns:
@@ -162,7 +170,7 @@ class DownlinkDecoder:
         return found
 
     def _close(self, cell: int) -> list[ReceivedCommand]:
-        """Smooth the signal up to the end of a cell; return the command found so far if no better match can follow."""
+        """Smooth the signal up to the end of a cell; return a command in a list when no better match can follow."""
         half, history = self._half, self._history
         self._once += self._value
         self._twice += self._once
@@ -186,7 +194,7 @@ class DownlinkDecoder:
         return [received]
 
     def _fit(self, cell: int) -> tuple[float, ReceivedCommand] | None:
-        """Return the command that ends with this cell and the rms error of its levels; None without a command."""
+        """Return rms error of the levels and command, if a command ends with this cell; otherwise None."""
         smooth, places, downlink = self._smooth, self._places, self._downlink
         first, low, second, last = (smooth[places[k]] for k in (0, 1, 2, -1))
         high = (first + second + last) / 3.0

@@ -98,10 +98,10 @@ class LogSampler:
 
     def push(self, stream: str, samples: Samples) -> None:
         """
-        Add samples of a stream, in order of time, before the attitude of the same time.
+        Add samples of a stream, in order of time; call this before `advance` with the attitude of the same time.
 
         stream: counts, temperature, dynamics or status; samples: dtype `wire.COUNTS`, `wire.TEMPERATURE`,
-        `wire.DYNAMICS` or `wire.TOOL_STATUS`.
+        `wire.DYNAMICS` or `wire.TOOL_STATUS`. A stream that no channel uses is ignored.
         """
         if stream in self._streams and len(samples):
             self._waiting[stream].append(samples)
@@ -186,7 +186,9 @@ class LogSampler:
 
 def rate(counts: Array | float, seconds: Array | float, dead_time: float) -> tuple[Array, Array, Array]:
     """
-    Return the rate of events, 1/s, its 1 sigma, and the share of the time in which the detector was alive.
+    Return the rate of events, its 1 sigma, and the live share of the time.
+
+    Rate and sigma are in 1/s; the share is at least 0.05. Each has the shape (...).
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ class Transmit:
     )
 
     def __post_init__(self) -> None:
-        """Refuse a switching time shorter than half a second, because single jerks of the string last that long."""
+        """Raise ValueError for a time between 0 and 0.5 s, because single jerks of the string last that long."""
         if 0.0 < self.rotation_switching_s < 0.5:
             raise ValueError(
                 f"rotation_switching_s: {self.rotation_switching_s:g} s is below the shortest time, 0.5 s; 0: no "

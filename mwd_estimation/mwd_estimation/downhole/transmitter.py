@@ -72,7 +72,7 @@ class Sent:
     """A sync, header or word that was transmitted."""
 
     kind: PartKind
-    frame: int  #: number of the pass through a sequence, from 0
+    frame: int  #: number of the frame (one transmission of a whole sequence), from 0
     sequence: int  #: number of the sequence
     name: str  #: name of the word; empty for a sync or header
     #: `raw`, `bits`: code without parity, and number of its bits.
@@ -177,8 +177,9 @@ class Transmitter:
 
     def advance(self, attitude: Samples, reference: Reference | None) -> list[Sent]:
         """
-        Add samples of `wire.ATTITUDE`; return the parts transmitted up to the last time whose flow is known.
+        Add samples of `wire.ATTITUDE`; return the syncs, headers and words transmitted since the last call.
 
+        They are complete up to the last time whose attitude and flow are known (on a wire: whose attitude is known).
         reference : reference whose declination and convergence convert azimuths to magnetic north.
         """
         stamps = attitude["stamp_ns"]
@@ -314,7 +315,11 @@ class Transmitter:
         return (_Part(_KINDS[kind], number, group) for group in on_air.groups(self.tool, kind, number))
 
     def _choose_survey(self) -> None:
-        """Use the survey taken at rest since the last transmission, or else the least noisy continuous survey."""
+        """
+        Use the survey taken at rest since the last transmission, or else the least noisy continuous survey.
+
+        Without either, the survey of the last transmission is used again.
+        """
         self._frame += 1
         if not self._fresh:
             self._survey = self._continuous.best() or self._survey
