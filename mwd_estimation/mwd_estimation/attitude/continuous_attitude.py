@@ -106,7 +106,7 @@ class AttitudeStream:
         time_alignment.restart_smoothing(self._alignment_state)
 
     def restart_field(self) -> None:
-        """Restart the estimate of the interference, and discard the magnetic azimuths that wait for the end of a bin."""
+        """Restart the estimate of the interference; discard the magnetic azimuths that wait for the end of a bin."""
         self._magnetic.start_anew()
         self._azimuths_read -= len(self._waiting)
         self._waiting = self._waiting[:0]
