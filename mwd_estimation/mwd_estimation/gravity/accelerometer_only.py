@@ -111,7 +111,7 @@ def _tilts(p: AccelerometerParams, s: Any, across: float) -> tuple[float, float]
     Return 1 sigma of the direction down in the vertical plane of the axis and across that plane, rad, at most pi.
 
     across: sine of the inclination. The direction of the hole hardly changes within the averaging time, so every change
-    of the axial force is a disturbance; the rest of the disturbance acts equally on both axes across the tool.
+    of the axial force is a disturbance; the remaining disturbance acts equally on both axes across the tool.
     """
     axial = s.square[0] - s.mean[0] * s.mean[0]
     total = _disturbance(p, s)

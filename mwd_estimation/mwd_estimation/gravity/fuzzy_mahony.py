@@ -101,7 +101,7 @@ def initial(params: MahonyParams) -> State:  # noqa: ARG001  (every method has t
 
 def run(params: MahonyParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
     """
-    Follow gravity through a block of samples.
+    Return gravity of each sample of a block.
 
     Parameters
     ----------

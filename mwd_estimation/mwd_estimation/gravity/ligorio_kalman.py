@@ -89,7 +89,7 @@ def initial(params: LigorioParams) -> State:
 
 
 def run(params: LigorioParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
-    """Follow gravity through a block of samples; arguments and errors as for `fuzzy_mahony.run`."""
+    """Return gravity of each sample of a block; arguments and errors as for `fuzzy_mahony.run`."""
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
     _run(params, state[0], stamps, gyro, accel, out)

@@ -89,7 +89,7 @@ def forget_motion(s: BoundedRecord) -> None:
 
 @compiled
 def unknown_motion(s: BoundedRecord, scatter: float) -> None:
-    """Set the covariance of velocity and position at a start; scatter: variance of the force over squared gravity."""
+    """Set the covariance of velocity and position at a start; scatter: variance of the force / gravity^2."""
     for j in range(3):
         for m in range(ERRORS):
             s.P[VEL + j, m] = s.P[m, VEL + j] = s.P[POS + j, m] = s.P[m, POS + j] = 0.0
@@ -123,7 +123,11 @@ def average(p: BoundedParams, s: BoundedRecord, dt: float, f: Vector, clips: boo
 
 @compiled
 def direction(s: BoundedRecord) -> float:
-    """Set gravity to the mean force so far, in the present tool axes; return the sigma of inclination, rad."""
+    """
+    Set gravity to minus the direction of the mean force so far, in the present tool axes.
+
+    Returns 1 sigma of the inclination, rad; pi if no inclination is kept from before a restart.
+    """
     C, mean, g = s.C, s.mean, s.g_t
     norm = max(math.sqrt(mean[0] ** 2 + mean[1] ** 2 + mean[2] ** 2), 1e-9)
     for j in range(3):

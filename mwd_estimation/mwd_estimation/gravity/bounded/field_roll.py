@@ -5,8 +5,8 @@ Roll of the bounded filter from the magnetic field, for rotations that the x gyr
 In the plane across the tool axis, the angle between the field and gravity does not change when the tool rotates. While
 the roll is known from the gyro and the forces, this angle is estimated, and the magnetometer does not change the
 attitude. When the x gyro clips, when samples are missing, or after a start, the field and the estimated angle give the
-roll (equation (13)). A magnetic sample is used a fixed time after its stamp, and is compared with the roll at the time
-of its stamp.
+roll (equation (13) of ``docs/methods/bounded_gravity_filter.md``). A magnetic sample is used a fixed time after its
+stamp, and is compared with the roll at the time of its stamp.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def begin_anew(f: Field, stamp_ns: int) -> None:
 
 @compiled
 def at_hand(f: Field, stamp_ns: int) -> bool:
-    """Return whether the roll can be computed from the field: its angle to gravity is known, its last sample recent."""
+    """Return whether the field can give the roll: its angle to gravity is known, and a magnetic sample is recent."""
     return bool(f.variance > 0.0 and stamp_ns - f.last_ns < FRESH_NS)
 
 

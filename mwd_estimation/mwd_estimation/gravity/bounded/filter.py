@@ -72,7 +72,7 @@ def run(
     mag: MagneticSamples | None = None,
 ) -> Track:
     """
-    Follow gravity through a block of samples.
+    Return gravity of each sample of a block.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def run_logged(
     clipped: ArrayLike | None = None,
     mag: MagneticSamples | None = None,
 ) -> tuple[Track, Log]:
-    """Follow gravity as `run` does; also return the log of the block for a smoother."""
+    """Return gravity of a block as `run` does, and the log of the block for a smoother."""
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     log = Log.room(len(stamps))
     return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), mag, log), log
@@ -198,7 +198,12 @@ def _publish(s: BoundedRecord) -> int:
 
 @compiled
 def _resume(p: BoundedParams, s: BoundedRecord, verdict: int, dt: float, w: Array, i: int, log: Log) -> None:
-    """Start, or continue after a data gap of dt, s; w: rates at the end of the gap, rad/s; i: index of the sample."""
+    """
+    Bridge a data gap of dt, s; restart at the first sample, without an attitude, or if the gap is too long.
+
+    If only the roll is lost in the gap, only the roll restarts. w: rates at the end of the gap, rad/s; i: index of the
+    sample.
+    """
     known = s.started and s.clipping.sign == 0.0
     if verdict == track.FIRST or not known or not 0.0 < dt < p.max_bridged_gap_s:
         alignment.begin(s)

@@ -3,9 +3,9 @@
 Bridge data gaps of the bounded filter with the rates before and after the gap, if the gap is not too long.
 
 The lost rates are modelled as a random walk between the known rates at both ends. The rotation is then the mean of
-these rates times T, with the variance q T^3 / 12, equation (7); q is the recent growth rate of the variance of the
-rates. Vibration during the gap is unknown, so velocity and position restart; attitude and the errors of the sensors are
-kept.
+these rates times T, with the variance q T^3 / 12, equation (7) of ``docs/methods/bounded_gravity_filter.md``; q is the
+recent growth rate of the variance of the rates. Vibration during the gap is unknown, so velocity and position restart;
+attitude and the errors of the sensors are kept.
 """
 
 from __future__ import annotations

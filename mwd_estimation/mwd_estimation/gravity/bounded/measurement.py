@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Measurement of the bounded filter: the resting point of the tool has zero displacement along every tool axis.
+Measurement of the bounded filter: the point of the tool that moves least has zero displacement along every axis.
 
-The position of the sensor relative to the resting point is `lever`. A tilt, or a sensor error that acts like tilt,
-integrates to a displacement that grows without limit; the displacement from vibration stays limited.
+This point is called the resting point; the position of the sensor relative to it is `lever`. Equation numbers are those
+of ``docs/methods/bounded_gravity_filter.md``. A tilt, or a sensor error that acts like tilt, integrates to a
+displacement that grows without limit; the displacement from vibration stays limited.
 """
 
 from __future__ import annotations
@@ -143,7 +144,7 @@ def _lose_velocity(s: BoundedRecord, axis: int, y: float) -> None:
 
 @compiled
 def correct(s: BoundedRecord, size: int) -> None:
-    """Apply the correction to the nominal values: the attitude by exp() from the left, the rest by addition."""
+    """Apply the correction to the nominal values: to the attitude by exp() from the left, to the others by addition."""
     C, e, yaw = s.C, s.correction, 0.0
     if s.clipping.seen:
         # A clipped gyro loses rotation about the tool axis, which also changes the free heading. Correct the heading
@@ -179,7 +180,7 @@ def correct(s: BoundedRecord, size: int) -> None:
 
 @compiled
 def sound(s: BoundedRecord) -> bool:
-    """Return whether all values are finite and all variances positive."""
+    """Return whether all values are finite and no variance is negative."""
     total = s.q[0] + s.q[1] + s.q[2] + s.q[3] + s.scale + s.missing + s.slope + s.down + s.lever[0] + s.lever[1]
     total += s.askew[0] + s.askew[1]
     for j in range(3):

@@ -5,7 +5,8 @@ Noise of the bounded filter: the motion of the tool determines the noise of the 
 The displacement after three high-passes (`SWING_TIME`), along and across the hole, measures the vibration. It sets the
 white noise and the random walk of the displacement; the random walk is a white velocity. Force that is white down to
 low frequencies does not have a bounded velocity, so it becomes noise of the velocity. Such force has the same spectral
-density in differences of neighbouring samples and in the displacement across the hole.
+density in differences of neighbouring samples and in the displacement across the hole. Equation numbers are those of
+``docs/methods/bounded_gravity_filter.md``.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ the covariance is right, the variance of a tilt correction is the decrease of th
 corrections are low-passed with the time constant of the filter, which is the time in which noise adds the variance of
 the tilt. The power of the corrections, weighted as in equation (10), is the factor on the covariance. Errors that no
 innovation shows are added: calibration errors, a cone of the cross-axis gyros while the tool rotates, and travel along
-a curve.
+a curve. Equation numbers are those of ``docs/methods/bounded_gravity_filter.md``.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def _cone(p: BoundedParams, s: BoundedRecord, rotating: float) -> float:
 
     With misalignment or bias of the cross-axis gyros, the measured axis of rotation is wrong. At constant speed no
     innovation shows most of this error. The part of P that still comes from the error at switch-on is scaled to the
-    tool's sigma; the rest of P is noise of the estimate and is multiplied by the scale of the inclination.
+    tool's sigma; the remaining part of P is noise of the estimate and is multiplied by the scale of the inclination.
     """
     P, total, slow = s.P, 0.0, rotating / math.copysign(max(s.turning, 1e-3), s.last_w[0])
     scale2, bias2 = max(p.scale_sigma**2, LEAST_PRIOR), max(p.bias_sigma**2, LEAST_PRIOR)

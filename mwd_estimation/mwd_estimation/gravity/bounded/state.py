@@ -251,7 +251,7 @@ class BoundedRecord:
     askew: Annotated[Array, 2]
     """Share of the x rate that the y and z gyros read."""
     lever: Annotated[Array, 2]
-    """Position of the sensor relative to the resting point, y and z, m. The axial component is not observable."""
+    """Position of the sensor relative to the point that moves least, y and z, m. The axial part is not observable."""
     down: float
     """Error of the vertical force, from the magnitude of gravity and the scale of the accelerometers, m/s^2."""
     missing: float
@@ -293,7 +293,7 @@ class BoundedRecord:
     mean: Annotated[Array, 3]
     """Integral of the force in level axes during a start, m/s."""
     mean_power: float
-    """Integral of the squared force during a start."""
+    """Integral of the squared force during a start, (m/s^2)^2 s."""
     kept_down: float
     """Cosine of the inclination that a restart of the roll keeps."""
     kept_tilt: float
@@ -354,13 +354,13 @@ class BoundedState:
         return int(self.record[0]["field"]["used"])
 
     def copy(self) -> BoundedState:
-        """Return an independent copy."""
+        """Return an independent copy of the state."""
         return copy.deepcopy(self)
 
 
 @compiled
 def forget(p: BoundedParams, s: BoundedRecord) -> None:
-    """Reset the sensor errors to their values and sigmas at switch-on, and clear the rest of the covariance."""
+    """Reset the sensor errors to their values and sigmas at switch-on; set all other elements of P to 0."""
     for j in range(ERRORS):
         for m in range(ERRORS):
             s.P[j, m] = 0.0
