@@ -305,7 +305,7 @@ class _FitStations:
         return np.asarray(across), np.asarray(np.log(det)), np.asarray(misfit[..., 0] - k_y * y - k_z * z)
 
     def fit(self, azimuth: Array) -> _AxialFit:
-        """Return the variances of azimuth and interference of each station at an azimuth, rad, shape (n,)."""
+        """Return the variances of azimuth and interference of each station; azimuth, shape (n,): rad."""
         cov = self._linear(azimuth[:, None])[1][:, 0]
         s_a, c_a = np.sin(azimuth), np.cos(azimuth)
         slope = np.stack([-self.h * self.sin * s_a, -self.h * self.cos * s_a, -self.h * c_a], axis=1)

@@ -285,8 +285,8 @@ def _reject(p: InterferenceParams, s: InterferenceState, step: float) -> bool:
     """
     Count the time of rejected samples, and restart the filter from its priors if this time is too long.
 
-    step: time since the last sample, s. Return True if the restart discards an estimate from
-    less than `_YOUNG` s of samples.
+    step: time since the last sample, s. Returns True if a restart discards an estimate from less than `_YOUNG` s of
+    samples.
     """
     s.disturbed_s += step
     if not s.disturbed_s > min(max(s.learnt_s, p.min_reset_time_s), p.max_reset_time_s):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Find spikes of a magnetometer: samples whose field strength jumps away from that of the samples before and comes back.
+Find spikes of a magnetometer: samples whose field strength is far from the median strength of the samples before.
 
-Rotation of the tool does not change the strength, so a running median shows a spike at once. Lasting external
+Rotation of the tool does not change the strength, so the running median shows a spike at once. Lasting external
 interference changes the median and is accepted after half the samples of the median. The readings of a rotating tool
 with a biased magnetometer vary more, and this variation widens the limit.
 """
@@ -43,7 +43,7 @@ def initial() -> Samples:
 
 def run(state: Samples, stamp_ns: Stamps, b_t: Array) -> NDArray[np.bool_]:
     """
-    Return a mask of the samples that are not spikes.
+    Return a mask of the samples that are not spikes; the first 9 samples after a start or a gap are not checked.
 
     Parameters
     ----------
