@@ -83,7 +83,8 @@ class _Cost:
         """
         Return angles that resolve every mode, rad, and the width of the circle that each angle represents, rad.
 
-        lone: whether to use only the half circle around the single mode, because an expected azimuth excludes the rest.
+        Both have the shape (n,). lone: whether to use only the half circle around the single mode, because an expected
+        azimuth excludes the other half.
         """
         spread = [modes[0] + np.linspace(-0.5, 0.5, 361) * math.pi if lone else np.linspace(-1.0, 1.0, 721) * math.pi]
         for mode in modes:
@@ -134,7 +135,8 @@ def posterior(parts: Mixture, horizontal: float, expected: float | None = None) 
     horizontal : float
         Earth rate times the cosine of the latitude, rad/s.
     expected : float, optional
-        An azimuth, rad, that selects one of several azimuths that fit; it does not change this azimuth.
+        An azimuth, rad, that selects one of several azimuths that fit; the value of the selected azimuth stays the
+        same.
     """
     cost = _Cost(parts, horizontal)
     modes = _modes(cost.total)

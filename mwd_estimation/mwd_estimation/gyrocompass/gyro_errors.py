@@ -60,7 +60,7 @@ _STEP = 0.02
 class GyroErrors:
     """Bias, ramp and g-sensitivity of the gyros as k Gaussians, one or more for each kind of unit."""
 
-    log_weight: Array  #: shape (k,)
+    log_weight: Array  #: shape (k,); logarithm of the probability of each Gaussian
     #: shape (k, 3); kind of unit as three indices: of the scale of the stated bias (or `_EARLIER` or `_NOW`), of the
     #: scale of the stated drift, and of the scale of the stated g-sensitivity.
     kind: Indices
@@ -296,7 +296,7 @@ def _collapsed(errors: GyroErrors, log_weight: Array, mass: Array, mean: Array, 
 
 
 def _merged(cell: Indices, weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array, Array]:
-    """Return total weight, mean and covariance of the Gaussians of each cell; cell, shape (n,): from 0 without gaps."""
+    """Return total weight, mean and covariance of each cell; cell, shape (n,): cell of each Gaussian, without gaps."""
     order = np.argsort(cell, kind="stable")
     begins = np.flatnonzero(np.diff(cell[order], prepend=-1))
     total = np.add.reduceat(weight[order], begins)

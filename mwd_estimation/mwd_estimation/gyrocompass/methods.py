@@ -77,7 +77,7 @@ class StaticSeek:
         return bool(self._state.ratio > static_ekf.MOVED_RATIO)
 
     def run(self, samples: UnitSamples) -> None:
-        """Process samples of the precision unit, and count the samples in which a gyro clipped."""
+        """Process samples of the precision unit, and count those in which a gyro clipped; do nothing near a pole."""
         stamp_ns, values, clipped = samples
         if len(stamp_ns) == 0 or polar(self.params.latitude_deg) is not None:
             return

@@ -75,9 +75,9 @@ def dual_unit(
 
     stamp_ns, shape (n,), ns, and precision_t, shape (n, 3), rad/s: precision unit; the result has these stamps.
     ahrs_stamp_ns, shape (m,), ns, and ahrs_t, shape (m, 3), rad/s: conventional unit. x_range: rate at which the
-    precision x axis clips, rad/s; clipped, shape (n,): clip flags of the precision unit (`clip_flags`). Samples well
-    below the range and without flag keep the precision x rate. Returns shape (n, 3), rad/s. The x figures of
-    `SeekParams` must belong to the unit that gives most x rates.
+    precision x axis clips, rad/s; clipped, shape (n,): clip flags of the precision unit (`clip_flags`). Samples without
+    a flag, whose x rates from both units are below 0.9 times the range, keep the precision x rate. Returns shape (n,
+    3), rad/s. The x figures of `SeekParams` must belong to the unit that gives most x rates.
 
     Raises
     ------
@@ -214,7 +214,11 @@ def _at_latitude(
 
 
 def _sigma(circle: OnCircle, misfit: float | None = None) -> float:
-    """Return 1 sigma, rad, also if the Earth rate misses the circle; misfit: squared distance, None: of this one."""
+    """
+    Return 1 sigma of the azimuth, rad, increased if the Earth rate is more than 2 sigmas from the circle.
+
+    misfit: squared distance of the Earth rate from the circle, in sigmas; None: that of `circle`.
+    """
     # A rate that misses the latitude by more than two sigmas shows errors larger than stated: north has them too.
     larger = max(math.sqrt(circle.misfit if misfit is None else misfit) - 1.0, 1.0)
     return min(larger * circle.sigma, math.pi)

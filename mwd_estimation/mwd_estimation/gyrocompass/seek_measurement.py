@@ -42,7 +42,11 @@ _REST_BLOCKS = 2
 
 @compiled
 def measure(s: SeekState, work: SeekWork) -> None:
-    """Perform the Kalman step of a block with velocity zero and unchanged hole axis and roll."""
+    """
+    Perform the Kalman step of a block with velocity zero and unchanged hole axis and roll.
+
+    While settling, only the velocity is used; the roll is used only at rest.
+    """
     for j in range(Error.SIZE):
         work.error[j] = 0.0
     for i in range(2):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Parameters of a north seek, in the units of data sheets and in SI for the compiled filters.
+Parameters of a north seek, in the units of measurement of data sheets and in SI for the compiled filters.
 
 One function measures the gyros' white noise from samples of a tool at rest.
 """
@@ -113,8 +113,8 @@ def at_place(
     Parameters
     ----------
     unit : SeekParams
-        Figures of the unit. If its white noise is 0, or clearly smaller than the measured noise, the measured noise is
-        used.
+        Figures of the precision unit. If its white noise is 0, or clearly smaller than the measured noise, the measured
+        noise is used; if both are 0 or None, `TACTICAL_NOISE_DEG_RTH`.
     latitude_deg : float
     gravity : float or None
         Gravity at the latitude, m/s^2; None: normal gravity on the ellipsoid.

@@ -81,12 +81,16 @@ def polar(latitude_deg: float) -> Reason | None:
 
 
 def too_short(elapsed: float, shortest: float) -> Reason:
-    """Return the refusal of a seek shorter than the shortest time, s."""
+    """Return the refusal of a seek that is too short; elapsed, shortest: its duration and the shortest one, s."""
     return Reason(Code.SEEK_TOO_SHORT, elapsed, shortest)
 
 
 def gyro_clipped(params: SeekParams, clipped: int, samples: int) -> Reason | None:
-    """Return the refusal, or None, for `clipped` samples in which a gyro clipped, of the number `samples` of all."""
+    """
+    Return the refusal if too large a share of the samples is clipped; otherwise None.
+
+    clipped: number of samples in which a gyro clipped; samples: number of all samples.
+    """
     if clipped <= _CLIPPED_SHARE * samples:
         return None
     given = (float(samples), math.radians(params.gyro_range_dps))

@@ -155,8 +155,8 @@ class SeekState:
     #: shape (3,); variance of high side and right side of the axis, and of roll, from block to block, rad^2.
     scatter: Annotated[Array, 3]
     first_scatter: Annotated[Array, 2]  #: scatter of the axis when the seek began, rad^2
-    #: `still_run`, `positions`, `refused_blocks`, `moved`: number of blocks at rest in a row; of rests with a roll; of
-    #: blocks in a row whose axis was ignored; and of detected moves of the axis.
+    #: `still_run`, `positions`, `refused_blocks`, `moved`: number of blocks at rest in a row; of intervals at rest with
+    #: a reference roll; of blocks in a row whose axis was ignored; and of detected moves of the axis.
     still_run: int
     positions: int
     refused_blocks: int
