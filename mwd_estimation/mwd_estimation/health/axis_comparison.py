@@ -149,7 +149,7 @@ def interpolated(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
 @compiled
 def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
     """
-    Return the result for axis k of sensor s (0 gyro, 1 accelerometer): the matching axis, or another result.
+    Return the result for axis k of sensor s (0 gyro, 1 accelerometer), coded as at `_SILENT_AXIS`.
 
     one: record of ProductSums; centred: whether to remove the means first; least: smallest rms that is compared, SI.
     """
@@ -193,7 +193,8 @@ def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
 def _read_axes(sums: Any, s: int) -> tuple[int, int, int, bool]:
     """Return the results for the axes of sensor s, and `strange` as in `axes_of`."""
     found, shaken = np.full(3, _SILENT_AXIS), 0.0
-    # In a steady rotation the leakage hides the small rates of the cross-axis gyros: a second pass removes the means.
+    # In a steady rotation the leakage hides the small rates of the cross-axis gyros: the second comparison removes the
+    # means.
     for centred in range(2 - s):
         greatest2, own2 = 0.0, 0.0
         for k in range(3):
@@ -222,7 +223,11 @@ def _read_axes(sums: Any, s: int) -> tuple[int, int, int, bool]:
 
 @compiled
 def mapping_of(found: Indices) -> int:
-    """Return the index in MAPPINGS of the results `found`, shape (3,); an axis without a match counts as right."""
+    """
+    Return the index in MAPPINGS of the results `found`, shape (3,); 0 (no change) if no mapping fits.
+
+    An axis without a match counts as its own axis, or as a free axis if its own is the match of another axis.
+    """
     free, matrix = np.ones(3, dtype=np.bool_), np.zeros((3, 3), dtype=np.int64)
     for k in range(3):
         if found[k] >= 0:
@@ -244,7 +249,7 @@ def mapping_of(found: Indices) -> int:
 @compiled
 def axes_of(sums: Any, s: int) -> tuple[Indices, bool, bool]:
     """
-    Return the results for the axes of sensor s over a window, and whether its unit or an axis is wrong.
+    Return the results for the axes of sensor s over a window, and whether its unit of measurement or an axis is wrong.
 
     sums, shape (WINDOW, 6): dtype SUMS, newest half second last.
 

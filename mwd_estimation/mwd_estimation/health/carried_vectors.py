@@ -59,7 +59,7 @@ class Window:
     mean_force : ndarray, shape (3,)
         Mean force in tool axes.
     push : float
-        Largest magnitude of the mean force of a half second along an axis of the tool.
+        Largest magnitude of the mean force of a half second along an axis of the tool, in the unit of the sensor.
     path : float
         Total rotation angle according to the gyros, rad.
     turn : ndarray, shape (3,)
@@ -105,7 +105,11 @@ class Window:
         self.product = product / max(int(steps["forces"][both].sum()), 1)
 
     def noise(self, case: int) -> float:
-        """Return 1 sigma of the mean carried force of a case along one axis, from the scatter of the half seconds."""
+        """
+        Return 1 sigma of the mean carried force of a case along one axis, from the scatter of the half seconds.
+
+        The result is infinite for fewer than two half seconds, or if one of them has no force.
+        """
         parts = self.part_force[:, case]
         if len(parts) < 2 or not self.whole_parts:
             return math.inf

@@ -185,7 +185,7 @@ def _ones(mask: int) -> int:
 
 @compiled
 def accused(code: int, place: int, which: Indices) -> int:
-    """Return the bits of the sensors that a fault of this check accuses; which: details as in `SensorFault`."""
+    """Return the bits of the sensors that a fault of this check accuses, 0 if none; which: as in `SensorFault`."""
     if not _RULES[code, 4]:
         return 0
     if code == FaultCode.SIGN:
@@ -212,7 +212,11 @@ def unusable(checks: Any) -> int:
 
 @compiled
 def suspected(checks: Any) -> int:
-    """Return the bits of the sensors accused by observations not counted yet, of checks that are not faults yet."""
+    """
+    Return the bits of the sensors accused by observations not counted yet, of checks that are not faults yet.
+
+    An observation of the check GRAVITY accuses only if it is STRONGLY.
+    """
     bits = 0
     for code in range(CODES):
         least = STRONGLY if code == FaultCode.GRAVITY else FOR

@@ -160,7 +160,7 @@ def push_refused(state: MonitorState, refused: NDArray[Any]) -> None:
 
 def run(params: MonitorParams, state: MonitorState, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Step:
     """
-    Process a block of IMU samples of any length; the state changes in place.
+    Return the health for each sample of a block of any length; the state changes in place.
 
     stamp_ns, shape (n,), in ns; gyro_t and accel_t, shape (n, 3), in rad/s and m/s^2, unfiltered and possibly not
     finite.
@@ -240,7 +240,7 @@ def faults(state: MonitorState) -> list[SensorFault]:
 
 
 def known(state: MonitorState) -> dict[str, int]:
-    """Return the state of the checks of units, axes and signs by name: UNKNOWN, OK or FAULT."""
+    """Return the state of the checks of units of measurement, axes and signs by name: UNKNOWN, OK or FAULT."""
     condition = state.tables.checks["state"]
     signs = [int(condition[code, 3]) for code in (FaultCode.SIGN, FaultCode.POINTS_UP)]
     return {
@@ -362,7 +362,11 @@ def _plain(s: Any, checks: Any, samples: Samples, start: int, until: int) -> int
 
 @compiled
 def _ready(k: MonitorParams, s: Any, samples: Samples, i: int) -> bool:
-    """Return whether sample i closes the half second: its magnetic samples have arrived, or time went back."""
+    """
+    Return whether sample i closes the half second; set `stop` to the first sample after it.
+
+    The half second closes when its magnetic samples have arrived, time went back, or too many samples wait.
+    """
     stamps, end = samples.stamps, (s.bin + 1) * BIN_NS
     if stamps[i] < s.bin * BIN_NS - BACK_NS or i - s.first >= _MOST_WAITING:
         s.stop = i

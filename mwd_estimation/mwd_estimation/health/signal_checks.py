@@ -115,7 +115,7 @@ def blank() -> Any:
 
 @compiled
 def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: float) -> None:
-    """Add column k of rows start to stop - 1 to the counts of a channel; limit: end of the range, in its unit."""
+    """Add column k of rows start to stop - 1 to the counts of a channel; limit: end of the range, SI."""
     # One channel at a time and local names: the loop takes most of the time of the health checks.
     last, first, fresh = channel.last, channel.first, channel.n == 0
     total, total2, least, steps = channel.total, channel.total2, channel.least_step, channel.steps
