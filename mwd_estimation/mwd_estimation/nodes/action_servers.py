@@ -111,7 +111,7 @@ class EstimatorActions:
             )
 
     def abort(self, reason: str) -> None:
-        """Finish every goal without success."""
+        """Cancel the requests in the pipeline, and finish every goal without success, for a reason."""
         self._cancel_north(reason)
         self._cancel_rotary(reason)
         if self._north is not None:

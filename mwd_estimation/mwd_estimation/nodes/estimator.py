@@ -131,7 +131,11 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         Pipeline(settings)
 
     def on_settings_changed(self, settings: EstimatorSettings) -> None:
-        """Restart the estimate; keep survey numbers, and a reference set by service if the place stays the same."""
+        """
+        Abort open requests and restart the estimate.
+
+        Survey numbers are kept, and also a reference set by service if the settings of the place stay the same.
+        """
         self._actions.abort("the settings were changed")
         self._respond(False, "no survey taken: the settings were changed", 0)
         before = self._pipeline
@@ -458,7 +462,8 @@ class RecordingGate:
         """
         Return the samples of each topic to use now.
 
-        taken: samples of each topic received since the last call. The result is empty while samples are held back.
+        taken: samples of each topic received since the last call. While samples are held back, the result has no
+        samples. If the recorder still lacks a topic after 5 s, the samples are used, with a warning.
         """
         if self._open:
             return dict(taken)

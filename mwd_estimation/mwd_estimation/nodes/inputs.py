@@ -102,7 +102,11 @@ class InputTopics:
         }
 
     def take(self, topic: str) -> Samples:
-        """Return the waiting samples of a topic, followed by those of its burst topic, in axes of the unit."""
+        """
+        Return the waiting samples of a topic, followed by those of its burst topic, in axes of the sensor unit.
+
+        Samples in a second frame, copies, and samples whose stamps come from another clock are left out.
+        """
         layout = wire.SONDE_TOPICS[topic]
         waiting = self._buffers[topic].take()
         waiting_bursts = self._buffers[_BURST_TOPIC[topic]].take() if topic in _BURST_TOPIC else []

@@ -103,7 +103,7 @@ class TransmissionPublisher:
 
 
 def transmission_message(sent: Sent, frame: str) -> TransmissionMessage:
-    """Return the words that were transmitted, as mwd_msgs/Transmission."""
+    """Return a transmitted sync, header or word as mwd_msgs/Transmission; frame: frame id of the message."""
     tool = sent.tool
     message = TransmissionMessage(
         kind=int(sent.kind),
