@@ -70,7 +70,11 @@ class SideStreams:
         self._keep(name, self._binners[name].add(stamps, values))
 
     def beside(self, imu: Bin) -> BinSet:
-        """Return the bins of all streams at the time of a bin of the conventional unit; call it once for each bin."""
+        """
+        Return the bins of all streams at the time of a bin of the conventional unit, None for a stream without samples.
+
+        Call this method once for each bin.
+        """
         found: dict[str, Bin | None] = {}
         for name, bins in self._closed.items():
             self._keep(name, self._binners[name].flush((imu.index + 1) * BIN_NS))
@@ -107,7 +111,7 @@ class BinStage:
         self, stretch: UsableStretch, later: NDArray[np.bool_], clipped: NDArray[np.uint8], output: Output
     ) -> Bins:
         """
-        Close the bins that end within a stretch; add refusals, faults and results of requests to `output`.
+        Close and return the bins that end within a stretch; add refusals, faults and results of requests to `output`.
 
         later, clipped, shape (n,): whether the stamp of a sample is later than all stamps before, and clip flags of a
         sample as from `clip_flags.of`.
@@ -185,7 +189,7 @@ class BinStage:
             bins.models.append((place, self._field.in_force))
 
     def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:
-        """Begin the survey of an interval at rest; from here on, use the field that the survey measured."""
+        """Begin the survey of an interval at rest; if it is sound, use the field that it measured from here on."""
         number = self._numbering.next()
         reference, turning = self._reference(still), self.turning.found
         taken = self.decision.begin(still, number, reference, found, turning, usable=self._sensors_usable)

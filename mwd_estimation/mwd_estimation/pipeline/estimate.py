@@ -182,7 +182,7 @@ class Estimate:
         self._counters.rejected += self._ahead[name].add(samples)
 
     def take_refused(self, refused: Samples) -> None:
-        """Accept the refused readings that may be in another unit, dtype of `input_gate.REFUSED`."""
+        """Accept the refused readings that may be in another unit of measurement, dtype of `input_gate.REFUSED`."""
         if len(refused):
             refused["stamp_ns"][refused["sensor"] == input_gate.MAG] -= self.mag_late_ns
             self.watch.take_refused(refused)
@@ -230,7 +230,7 @@ class Estimate:
 
     def take_imu(self, samples: Samples, followed: Track | None = None) -> Output:
         """
-        Process samples of the conventional unit, dtype of `wire.IMU`.
+        Process samples of the conventional unit, dtype of `wire.IMU`, and return their output.
 
         followed: gravity of these samples from a smoother; None: estimate the gravity here.
         """
@@ -298,7 +298,7 @@ class Estimate:
 
     def _run_stages(self, stretch: UsableStretch, clipped: NDArray[np.uint8], followed: Track | None) -> Output:
         """
-        Run all stages on a stretch of samples with the same usable sensors.
+        Run all stages on a stretch of samples with the same usable sensors, and return its output.
 
         clipped: clip flags of the whole block; followed: gravity of the whole block from a smoother, or None.
         """
@@ -365,7 +365,11 @@ class Estimate:
         output.north += [ended] if ended is not None else []
 
     def finish(self) -> Output:
-        """Return the survey that waits for the gyro, at the end of the data."""
+        """
+        Return an output without rows, with the survey that waits for the gyro if there is one.
+
+        Call this method at the end of the data.
+        """
         self._use_beside()
         output = Output.empty(0)
         held = self.bin_stage.finish()

@@ -43,7 +43,8 @@ class Observatory:
         """
         Return the reference with the external field at a time, UTC, ns; None: unknown time.
 
-        At an unknown time, or where the record has no data, only the name of the observatory is added.
+        At an unknown time, or where the record has no data, only the name of the observatory is added. Without a
+        record, or if the reference has no field or no declination, the reference is returned unchanged.
         """
         if self._record is None or reference is None or not reference.has_field or reference.declination is None:
             return reference

@@ -65,8 +65,8 @@ class Pipeline:
     noise_notes : list of str
         A sentence for each vector whose stated noise is larger than that of the tool's settings and is therefore used.
     gate : InputGate
-        The gate that all samples pass. Samples may pass the gate before they are pushed, because a second pass does not
-        change them.
+        The gate that all samples pass. Samples may pass the gate before they are pushed: passing the gate twice changes
+        nothing.
     temperature : TemperatureWatch
         Temperatures outside the range of the calibration, at which the sigmas are increased.
     """
@@ -139,7 +139,7 @@ class Pipeline:
 
     def push_imu(self, samples: Samples, followed: Track | None = None) -> Output:
         """
-        Process samples of the conventional unit, dtype of `wire.IMU`, in axes of the unit.
+        Process samples of the conventional unit, dtype of `wire.IMU`, in axes of the unit, and return their output.
 
         Push the samples of all other streams of the same time first.
 
@@ -225,9 +225,9 @@ class Pipeline:
 
     def finish(self) -> Output:
         """
-        Return the survey that waits for the gyro, at the end of the data.
+        Return an output without rows, with the survey that waits for the gyro if there is one.
 
-        More samples may still follow.
+        Call this method at the end of the data; more samples may still follow.
         """
         return self._estimate.finish()
 
@@ -249,11 +249,19 @@ class Pipeline:
         self._estimate.set_reference(reference)
 
     def request_survey(self, duration_s: float = 0.0) -> None:
-        """Take a survey from the next half second on, see `StillSurvey.request`; the result is in `Output.surveys`."""
+        """
+        Take a survey from the next half second on; arguments and errors as in `StillSurvey.request`.
+
+        The result is in `Output.surveys`, or in `Output.refusals`.
+        """
         self.still.request(duration_s)
 
     def request_north(self, duration_s: float = 0.0, mode: str = "") -> None:
-        """Seek north from now on, see `Requests.start_north`; the result is in `Output.north`."""
+        """
+        Seek north from now on; arguments and errors as in `Requests.start_north`.
+
+        The result is in `Output.north`.
+        """
         self.requests.start_north(duration_s, mode, self._estimate.local_gravity)
 
     @property
@@ -327,7 +335,7 @@ class Pipeline:
 
     @property
     def sensors_known(self) -> dict[str, int]:
-        """State of the checks of units, axes and signs by name: UNKNOWN, OK or FAULT of `health.fault_debounce`."""
+        """State of the checks of units of measurement, axes and signs by name, as in `health.fault_debounce`."""
         return self._estimate.watch.known
 
 

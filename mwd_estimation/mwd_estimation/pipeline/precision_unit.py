@@ -77,7 +77,7 @@ class PrecisionUnitStage:
         self._at = 0
 
     def take_refused(self, refused: Samples) -> None:
-        """Accept the refused readings that may be in another unit, dtype of `input_gate.REFUSED`."""
+        """Accept the refused readings that may be in another unit of measurement, dtype of `input_gate.REFUSED`."""
         self._health.take_refused(refused)
 
     def compare(self, stamps: Stamps, values: Array, suspect: NDArray[np.uint8]) -> None:

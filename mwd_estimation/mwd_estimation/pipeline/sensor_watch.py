@@ -73,7 +73,7 @@ class SensorWatch:
 
     @property
     def known(self) -> dict[str, int]:
-        """State of the checks of units, axes and signs by name: UNKNOWN, OK or FAULT of `health.fault_debounce`."""
+        """State of the checks of units of measurement, axes and signs by name, as in `health.fault_debounce`."""
         return monitor.known(self._state)
 
     def expect_mag(self, *, expected: bool) -> None:
@@ -90,7 +90,7 @@ class SensorWatch:
         monitor.push_mag(self._state, stamps, b_t)
 
     def take_refused(self, refused: Samples) -> None:
-        """Accept the refused readings that may be in another unit, dtype of `input_gate.REFUSED`."""
+        """Accept the refused readings that may be in another unit of measurement, dtype of `input_gate.REFUSED`."""
         monitor.push_refused(self._state, refused)
 
     def note_declared(self, samples: Samples) -> None:
