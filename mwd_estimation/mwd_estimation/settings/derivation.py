@@ -325,7 +325,8 @@ def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
     Raises
     ------
     ValueError
-        If `survey.tool_code` does not name a tool code, or names a tool code that is not for magnetic surveys.
+        If `survey.tool_code` does not name a tool code, or names a tool code that is not for magnetic surveys; or as in
+        `assembly`.
     """
     tool, described = settings.tool, assembly(settings.tool)
     mount_deg = math.hypot(SensorErrors.mount_deg, math.degrees(1e-3 * (tool.accelerometer.misalignment_mrad or 0.0)))
@@ -391,7 +392,7 @@ def sag_correction(tool: Tool) -> SagCorrection:
     """
     Return the correction of the inclination for sag, from the assembly file or from `sag_correction_deg`.
 
-    Raise ValueError as in `assembly` and `sag.sag`.
+    Raises SettingsError as `assembly`, and ValueError as `sag.sag`.
     """
     described = assembly(tool)
     if described is None:

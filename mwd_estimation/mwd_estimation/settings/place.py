@@ -219,7 +219,7 @@ def day_of(place: Place) -> datetime.date | None:
 
 
 def _of_model(place: Place, first_ns: int) -> Reference:
-    """Return the reference of a geomagnetic model."""
+    """Return the reference of a geomagnetic model; errors as in `reference_of`."""
     day = day_of(place) or datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC).date()
     if place.lat_deg is None or place.lon_deg is None:
         raise SettingsError("place.field: a model needs the position; give place.lat_deg and place.lon_deg")
