@@ -80,7 +80,11 @@ class Provisional:
 
     @property
     def gyro(self) -> tuple[float, float]:
-        """Gyro azimuth of this station and 1 sigma, rad; NaN if the gyro has no weight in the azimuth."""
+        """
+        Gyro azimuth of this station and 1 sigma, rad.
+
+        NaN if a sensor was faulty, or if the weight of the gyro in the azimuth is at most 1 %.
+        """
         found = self.survey.station.by_method(AzimuthMethod.GYRO)
         if not self.sound or found is None or not self.survey.weights.get(AzimuthMethod.GYRO, 0.0) > _COUNTS:
             return math.nan, math.nan
@@ -89,7 +93,7 @@ class Provisional:
     @property
     def accepted_azimuth(self) -> StationAzimuth:
         """
-        Azimuth from which the gyros propagate; NaN if the azimuth was not accepted.
+        Azimuth from which the gyros propagate; NaN if it was not accepted, a sensor was faulty, or the string turned.
 
         Its sigma is that of the tool axis, without the misalignment of the tool in the hole, because the gyros
         propagate the tool axis.
@@ -140,7 +144,7 @@ class SurveyDecision:
         usable: bool = True,
     ) -> Provisional:
         """
-        Decide the survey of a still interval, except for its continuity.
+        Return the decision on the survey of a still interval, except for its continuity.
 
         Parameters
         ----------
@@ -196,10 +200,10 @@ class SurveyDecision:
 
     def judging_again(self, newest: int) -> Callable[[], dict[int, DecidedSurvey]]:
         """
-        Return a function that decides the newest stations again with the present run; it may be called in a thread.
+        Return a function that decides the newest stations again with the present run.
 
-        newest: number of stations. The function returns these surveys by number, as published or revised, and older
-        surveys that are withdrawn because of a sensor fault.
+        newest: number of stations. The function may be called in another thread. It returns these surveys by number, as
+        published or revised, and older surveys that are withdrawn because of a sensor fault.
         """
         taken, published = tuple(self._taken.items()), dict(self._published)
         return functools.partial(_judged_again, taken, published, self._settings, newest, self._faults.standing)
@@ -222,7 +226,7 @@ class SurveyDecision:
     def rotary(
         self, average: StillAverage, sequence: int, reference: Reference | None, rotary_speed: float
     ) -> DecidedSurvey:
-        """Decide a survey averaged in axes that do not turn (`rotary_survey`); rotary_speed: rad/s, for its reasons."""
+        """Return the decided survey from an average in axes that do not turn (`rotary_survey`); rotary_speed: rad/s."""
         one = _measured(average, reference, self._settings)
         # Use a run of length one: in axes that do not turn, the cross-axis errors differ from those of other stations.
         finding = RunModel(self._settings).take(Taken(one))
@@ -323,7 +327,7 @@ def _measured(average: StillAverage, reference: Reference | None, settings: Stat
 
 
 def _weights(finding: Finding | None, gyro: Solution | None) -> dict[str, float]:
-    """Return the shares of gyro and magnetometer in the azimuth."""
+    """Return the shares of gyro and magnetometer in the azimuth, 0 to 1, by the name of the method."""
     share = 0.0 if finding is None else finding.by_gyro
     weights: dict[str, float] = {} if gyro is None else {AzimuthMethod.GYRO: share}
     if finding is not None and share < 1.0:

@@ -93,7 +93,11 @@ class FaultHistory:
         )
 
     def _left_out_in_time(self, fault: SensorFault, fed_ns: int) -> bool:
-        """Return whether a magnetometer, good before, was in doubt (and thus unused) as soon as it repeated values."""
+        """
+        Return whether a magnetometer, good before, was in doubt (and thus unused) soon after it began to repeat values.
+
+        Soon means within `_IN_TIME_NS`; good means used for at least `_SOUND_NS` before.
+        """
         if fault.unusable != MAG or fault.code not in _REPEATS or fault.since_ns - fed_ns < _SOUND_NS:
             return False
         first, last = self._doubts.get(SENSORS.index("magnetometer"), [(0, 0)])[-1]

@@ -42,7 +42,7 @@ class GyroParts:
 
     def weighed(self, angles: Array, known: Array | float = 1.0) -> Array:
         """
-        Return the sum of both densities, weighted by their agreement with a known azimuth.
+        Return the sum of both densities, shape (n,), not normalised, weighted by their agreement with a known azimuth.
 
         angles: shape (n,), rad; known: density of the known azimuth, per rad. The known azimuth changes only the
         weights: it must not narrow the densities, because both azimuths have errors in common.
@@ -94,8 +94,9 @@ class Finding:
         """
         Return the finding combined with the azimuth propagated from the station above.
 
-        The propagated azimuth selects a mode of the density, or contradicts it (`broken`). azimuth, sigma : from the
-        same north, rad; shared : variance that both azimuths have in common, rad^2.
+        The propagated azimuth selects a mode of the density, or contradicts it (`broken`). If the station has a gyro
+        azimuth and the gyro has not agreed with the magnetometer before, the finding is returned unchanged. azimuth,
+        sigma : from the same north, rad; shared : variance that both azimuths have in common, rad^2.
         """
         density = self.density
         if self.of_gyro is not None:
@@ -127,8 +128,9 @@ def gyro_share(angles: Array, mass: Array, magnetic: Array | None) -> float:
     """
     Return the share of the gyro in the azimuth, 0 to 1.
 
-    mass, shape (n,): probability of each angle; magnetic, shape (n,): the same from the magnetometer alone, None if
-    there is no reading.
+    The share is 1 without a magnetometer, or if the azimuth of the magnetometer contradicts the azimuth of both. mass,
+    shape (n,): probability of each angle; magnetic, shape (n,): the same from the magnetometer alone, None if there is
+    no reading.
     """
     if magnetic is None:
         return 1.0

@@ -179,7 +179,11 @@ def _unjudged(
 
 
 def _corrected(readings: StationReadings, reference: Reference | None, north: NorthTurn) -> tuple[MethodAzimuth, ...]:
-    """Return the azimuth of the single-station correction, with a reason if refused; empty without a reference."""
+    """
+    Return the azimuth of the single-station correction, with a reason if refused.
+
+    The result is empty without a reference field, or in an exactly vertical hole.
+    """
     if reference is None or not reference.has_field:
         return ()
     estimate = axial_correction.axial_correction(

@@ -64,7 +64,7 @@ class QualitySettings:
     )
 
     def __post_init__(self) -> None:
-        """Refuse custom limits that are probably in another order, and a field limit that no survey meets."""
+        """Raise ValueError for custom limits that are probably in another order, or a field limit below 1 nT."""
         gravity_mg, field_nt, dip_deg = self.custom_limits
         if gravity_mg > 100.0 or dip_deg > 10.0:
             raise ValueError(

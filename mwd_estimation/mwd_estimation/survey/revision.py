@@ -94,7 +94,11 @@ def is_outlier(finding: Finding | None) -> bool:
 
 
 def is_revised(first: Station, now: Station, least: float = MOVED) -> bool:
-    """Return whether the verdict of a station differs from the first one, or its azimuth by more than `least`, rad."""
+    """
+    Return whether the verdict of a station differs from the first one, or its azimuth by more than `least`, rad.
+
+    The azimuths also differ if only one of them is known.
+    """
     if first.verdict != now.verdict:
         return True
     moved = now.azimuth - first.azimuth
@@ -132,7 +136,7 @@ class _Work:
 
 
 def _without_each(model: RunModel, seeks: list[dict[int, Taken]], work: _Work, threads: int) -> None:
-    """Compute the findings of the stations of these seeks; model: has learned from all other stations."""
+    """Compute the findings of the stations of these seeks; model: run model that has learned all other stations."""
     if not seeks:
         return
     if len(seeks) == 1:

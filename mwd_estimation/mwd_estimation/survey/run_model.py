@@ -337,7 +337,7 @@ class RunModel:
 
 
 def _directions(one: Row) -> tuple[Array, Array]:
-    """Return the unit vectors of force and field in tool axes."""
+    """Return the unit vectors of force and field in tool axes; zeros without a field."""
     return one["force"] / np.linalg.norm(one["force"]), one["field"] / max(float(np.linalg.norm(one["field"])), 1e-9)
 
 
@@ -363,7 +363,7 @@ def _elsewhere(reference: Reference | None, first: Reference | None) -> bool:
 
 
 def declination_sigma(station: Station) -> float:
-    """Return 1 sigma of the declination in azimuths from the station's north, rad."""
+    """Return 1 sigma of the declination in azimuths from the station's north, rad; 0 for magnetic north."""
     reference = station.reference
     if reference is None or station.north == "magnetic":
         return 0.0

@@ -125,7 +125,7 @@ class StillSurvey:
 
     def add(self, bins: BinSet, wait: Reason | None = None) -> StillAverage | Refusal | None:
         """
-        Add the next closed bin, in order; return the average that it completes, or the refusal that it causes.
+        Add the next closed bin, in order; return the average that it completes, the refusal that it causes, or None.
 
         wait: reason for which an automatic survey waits longer and continues to average; None: it does not wait.
         """

@@ -156,14 +156,22 @@ def _by_standard(local: float, standard: float) -> float:
 
 
 def gravity_faults(g_total: float) -> list[Reason]:
-    """Return reasons that show a wrong unit of measurement or a dead accelerometer; g_total: m/s^2."""
+    """
+    Return the reason that shows a wrong unit of measurement or a dead accelerometer; empty if there is none.
+
+    g_total: total gravity, m/s^2.
+    """
     if 9.0 < g_total < 10.6:
         return []
     return [Reason(Code.GRAVITY_IN_G if 0.9 < g_total < 1.1 else Code.GRAVITY_NOT_EARTH, g_total)]
 
 
 def field_faults(b_total: float, dip: float, reference: Reference | None) -> list[Reason]:
-    """Return reasons that show a wrong unit of measurement, a dead magnetometer or a reversed axis; T, rad."""
+    """
+    Return the reasons that show a wrong unit of measurement, a dead magnetometer or a reversed axis; empty if none.
+
+    b_total: total field, T; dip: rad.
+    """
     found = []
     if math.isfinite(b_total) and not 1.5e-5 < b_total < 1e-4:
         units = ((1e-9, "nT"), (1e-6, "uT"), (1e-4, "G"), (1e3, "uT, taken as nT"))

@@ -67,7 +67,13 @@ class Turning:
 
 @dataclasses.dataclass
 class _Triad:
-    """Sums over the windows of one triad: weighted axis and its weight, means across and along, noise, rate squared."""
+    """
+    Sums over the windows of one triad (three accelerometers or three magnetometers).
+
+    `weight`, `axis`: weight, and weighted direction of the axis of rotation; `across`, `along`: mean vector across the
+    tool and mean along the axis; `noise`: variance of an amplitude; `rate2`: squared mean rate, (rad/s)^2. Units are
+    those of the sensor, squared for weight, axis and noise.
+    """
 
     windows: int = 0
     weight: float = 0.0
@@ -161,7 +167,12 @@ class TurningString:
         self._fields: list[tuple[Array, Array, Array]] = []
 
     def take_imu(self, stamps: Stamps, rate_x: Array, force: Array, bad: NDArray[np.bool_]) -> None:
-        """Add samples of the conventional unit, ns, rad/s, m/s^2; bad: a sensor clips, is doubtful or is faulty."""
+        """
+        Add samples of the conventional unit, in tool axes.
+
+        stamps: ns, shape (n,); rate_x: rad/s, shape (n,); force: m/s^2, shape (n, 3); bad, shape (n,): whether a sensor
+        clips, is doubtful or is faulty.
+        """
         self._imu.add(stamps, np.column_stack([rate_x, force, bad]))
 
     def take_mag(self, stamps: Stamps, field: Array) -> None:

@@ -255,7 +255,11 @@ def _upright(readings: StationReadings) -> bool:
 
 
 def _why_uncertain(finding: Finding, risk: float, far: float) -> Reason:
-    """Return the reason for an uncertain azimuth, which names the most probable disturbance; far: tolerance, rad."""
+    """
+    Return the reason for an uncertain azimuth; the reason depends on the most probable disturbance.
+
+    risk: probability of an azimuth error above `far`, rad.
+    """
     odds = {name: value for name, value in finding.hypotheses.items() if name is not Hypothesis.CLEAN}
     if not odds:
         return Reason(Code.GYRO_ONLY_UNCERTAIN, risk, far)

@@ -148,7 +148,11 @@ def filters(priors: Priors, sigmas: Sigmas) -> Filters:
 
 
 def hazard(priors: Priors, hours: float) -> float:
-    """Return the cumulative hazard of a change of the string in `hours`; its probability is 1 - exp(-hazard)."""
+    """
+    Return the cumulative hazard of a change of the string; the probability of a change is 1 - exp(-hazard).
+
+    hours: time between two stations, h; if it is unknown (NaN), no trip is assumed.
+    """
     trip = _TRIPS * -math.expm1(-((hours / _TRIP_HOURS) ** 4)) if math.isfinite(hours) else 0.0
     return -math.log1p(-priors.string_change) - math.log1p(-trip)
 
@@ -169,6 +173,6 @@ def kept(hours: float) -> float:
 
 
 def external_weights(priors: Priors) -> Array:
-    """Return the prior probability of each external field of `EXTERNAL_UT` and, last, of a turned field."""
+    """Return the prior probabilities of the external fields `EXTERNAL_UT` and, last, of a turned field, shape (6,)."""
     share = priors.external / (len(EXTERNAL_UT) - 1)
     return np.array([1.0 - priors.external - priors.turned, *[share] * (len(EXTERNAL_UT) - 1), priors.turned])

@@ -61,7 +61,7 @@ class RunState:
     #: `mean`, `covariance`: shapes (k, 22) and (k, 22, 22); of the shared errors in nominal sigmas, for each filter.
     mean: Array
     covariance: Array
-    log_weight: Array  #: shape (k,)
+    log_weight: Array  #: shape (k,); logarithm of the probability of each filter
     hours: float = math.nan  #: time of the last station, h; nan before the first
     hazard: float = math.nan  #: hazard of a change of the string, summed up to the last station; nan before the first
     age: float = 0.0  #: time from the first seek of the gyro in the run to the last one, h
@@ -320,7 +320,7 @@ class RunFilter:
         state.log_weight, state.changed = np.log(np.maximum(joined / joined.sum(), 1e-300)), 0.0
 
     def gyro_shares(self, state: RunState) -> Array:
-        """Return the probabilities that a gyro is right, has a step of bias, or is wrong, learnt from the run."""
+        """Return the probabilities that a gyro is right, has a step of bias, or is wrong, learnt from the run, (3,)."""
         step, wrong = self.priors.gyro_step, self.priors.gyro_outlier
         return _learnt(np.array([1.0 - step - wrong, step, wrong]), state.of_gyro)
 
@@ -356,7 +356,11 @@ class RunFilter:
         return mean * self.sigma, covariance * np.outer(self.sigma, self.sigma)
 
     def nominal_sigma(self, one: Row, angle: float) -> float:
-        """Return 1 sigma of the azimuth of a healthy tool at this attitude, rad; one: a record of `GEOMETRY`."""
+        """
+        Return 1 sigma of the azimuth of a healthy tool at this attitude, rad; pi without a field.
+
+        one: a record of `GEOMETRY`; angle: azimuth, rad.
+        """
         if not one["has_field"]:
             return math.pi
         residual, slopes, turns = field_model.expansion(one, self.sigma)
@@ -388,7 +392,7 @@ class RunFilter:
         return np.asarray(state.log_weight[:, None] + np.log(np.maximum(outside, 1e-300)))
 
     def _logs(self, one: Row, r: Array, S: Array, state: RunState, angles: Array, prior: Array) -> tuple[Array, Array]:
-        """Return the log evidence as in `CircleEvidence.log`, except of a turned field, and the misfits, (n, k)."""
+        """Return the log evidence as in `CircleEvidence.log`, without a turned field, and the misfits, shape (n, k)."""
         gyro, states = self._gyro_states(one, state, angles)
         log = np.empty((len(angles), len(r), len(self._external), states.shape[1]))
         misfit = np.empty((len(angles), len(r)))
