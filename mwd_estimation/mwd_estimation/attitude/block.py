@@ -68,7 +68,7 @@ NO_STATION = StationAzimuth()
 
 
 class BinEvent(NamedTuple):
-    """A closed bin of time, and the azimuths found in it."""
+    """A closed bin of time, with the azimuths of a north seek and of a station that ended in the bin."""
 
     place: int  #: index in the block of the sample before which the bin is evaluated
     bin: int  #: index of the bin: its start divided by its length

@@ -210,7 +210,11 @@ class AttitudeStream:
         return interference, rejected
 
     def _align(self, block: Block, stretches: list[tuple[slice, MagneticModelInForce]]) -> tuple[Samples, Samples]:
-        """Return the attitude of the n samples without gyros, ATTITUDE_ROW, and the magnetic azimuths of the block."""
+        """
+        Return the attitude of the n samples without gyros, ATTITUDE_ROW, and the magnetic azimuths of the block.
+
+        Magnetic samples are used as far as they are due, and the selected ones are stored in `handed_on`.
+        """
         plain: list[Samples] = []
         magnetic: list[Samples] = []
         handed_on: list[Samples] = []
@@ -234,7 +238,11 @@ class AttitudeStream:
         return _joined(plain), _joined(magnetic) if magnetic else np.zeros(0, dtype=MAGNETIC_AZIMUTH)
 
     def _propagate(self, block: Block, events: list[BinEvent], magnetic: Samples, precision: PrecisionRates) -> Samples:
-        """Return the azimuth of every sample, from the gyros and the magnetic azimuths of the bins that close."""
+        """
+        Return the azimuth of every sample, AZIMUTH_ROW, from the gyros and the magnetic azimuths of the closed bins.
+
+        The azimuths propagated to the bins are stored in `propagated`. Magnetic azimuths of the open bin wait.
+        """
         known = _joined([self._waiting, magnetic]) if len(self._waiting) else magnetic
         rows, propagated, used = gyro_azimuth.run(
             self._azimuth, self._azimuth_state, block.samples, np.array(events, dtype=BIN_EVENT), known, precision
@@ -277,5 +285,5 @@ class AttitudeStream:
 
 
 def _joined(parts: list[Samples]) -> Samples:
-    """Concatenate samples; a single part is not copied, because numpy first compares records field by field."""
+    """Return the concatenated samples; a single array is not copied, because numpy compares records field by field."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)

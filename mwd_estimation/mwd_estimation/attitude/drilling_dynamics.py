@@ -42,7 +42,7 @@ class DynamicsParams(NamedTuple):
 
 
 class Slot:
-    """Sums over one slot of time."""
+    """Sums over one slot: the averaging time of the rotary speed, `SLOT_NS`."""
 
     index: int  #: start of the slot divided by its length; _NONE for an empty slot
     samples: int  #: number of samples
@@ -111,7 +111,7 @@ def run(params: DynamicsParams, state: Samples, samples: Samples, attitude: Samp
 
 @compiled
 def _open(s: DynamicsState, index: int) -> None:
-    """Clear the sums of a new slot, and make it the open one."""
+    """Clear the sums of a new slot, and make this slot the open one; index: start of the slot divided by its length."""
     slot, s.index = s.slots[index % SLOTS], index
     slot.index, slot.samples, slot.shocks = index, 0, 0
     slot.rate = slot.axial2 = slot.lateral2 = slot.axial_peak2 = slot.lateral_peak2 = slot.whole_peak2 = 0.0

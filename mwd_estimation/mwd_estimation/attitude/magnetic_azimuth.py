@@ -2,8 +2,8 @@
 """
 Magnetic azimuths that correct the gyro-propagated azimuth; with a reference, the tool's own field is removed.
 
-Each magnetic sample selected by the time alignment passes the interference filter. The filter removes bias and scale
-errors as far as they are known, and splits the sigma into parts by the time for which the errors last.
+The interference filter processes each magnetic sample that the time alignment selects. The filter removes bias and
+scale errors as far as they are known, and splits the sigma into parts by the time for which the errors last.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _SLOW_SHARE = 0.95
 _STATION_TILT = math.radians(0.1)
 _CONTRADICTED = 4.0
 # Time for which the field must pass the check after a disturbed sample before it is used again, ns: when the sensor
-# leaves a casing, the field passes through values that drill-string interference could explain.
+# leaves a casing, the field takes values that drill-string interference could explain.
 _SETTLED_NS = 3_000_000_000
 # 1 sigma of external interference after a disturbed sample, T, and its decay time, ns. The field check tests the
 # vertical and the horizontal field. It does not detect a disturbance towards east, which turns the azimuth.
@@ -47,7 +47,7 @@ _EXTERNAL, _EXTERNAL_NS = 300e-9, 60_000_000_000
 
 class MagneticAzimuths:
     """
-    Magnetic azimuths with their sigmas, and the interference filter that they pass through.
+    Magnetic azimuths with their sigmas, and the interference filter that computes them.
 
     Parameters
     ----------
@@ -116,8 +116,8 @@ class MagneticAzimuths:
         """
         Return the azimuths of the pairs of a stretch of samples that begins at index `start` of its block.
 
-        pairs is an array of dtype `time_alignment_state.PAIR` with at least one element. Returns dtype
-        MAGNETIC_AZIMUTH.
+        The interference filter is updated with the pairs. pairs is an array of dtype `time_alignment_state.PAIR` with
+        at least one element. Returns dtype MAGNETIC_AZIMUTH.
         """
         rows = np.zeros(len(pairs), dtype=MAGNETIC_AZIMUTH)
         rows["place"], rows["stamp_ns"] = pairs["place"] + start, pairs["stamp_ns"]
@@ -169,7 +169,12 @@ class MagneticAzimuths:
         rows["sigma_interference"] = np.where(observed, found["sigma"], np.nan)
 
     def _since_disturbed(self, ratio: NDArray[np.float64], stamps: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the time since the last sample that the filter rejected, ns."""
+        """
+        Return the time of each sample since the last sample that the filter rejected, ns, shape (n,).
+
+        ratio, shape (n,): chi-square of each sample divided by the gate; the last rejected sample is kept for later
+        calls.
+        """
         disturbed = np.maximum.accumulate(np.where(ratio <= 1.0, self._disturbed_ns, stamps))
         self._disturbed_ns = int(disturbed[-1])
         return np.asarray(stamps - disturbed)

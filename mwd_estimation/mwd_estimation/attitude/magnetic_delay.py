@@ -44,7 +44,7 @@ _HANGS = 0.5
 _LEAST_S, _SIGMAS = 0.005, 4.0
 # A long delay is corrected as soon as its relative error is below this share; the remaining delay is corrected later.
 _SHARE = 0.05
-# Number of passes over a span. Each pass uses the mean speed over the delay that the previous pass found, because the
+# Number of iterations over a span. Each iteration uses the mean speed over the delay of the previous one, because the
 # speed may change within the delay.
 _PASSES = 3
 LONGEST_S = 0.5
@@ -162,8 +162,8 @@ class MagneticDelay:
         """
         Return a mask of the magnetic samples that are not stuck, shape (n,).
 
-        Samples are stuck if they are equal while the string turns. b, shape (n, 2): field across the tool, T; spun,
-        shape (n,): angle of the string, rad.
+        Samples are stuck if they are equal while the string turns, also over the border between two calls. b: field
+        across the tool, T, shape (n, 2); spun: angle of the string, rad, shape (n,).
         """
         same = np.array([*(b[:1] == self._last_b).all(axis=1), *(b[1:] == b[:-1]).all(axis=1)])
         begin = np.maximum.accumulate(np.where(same, 0, np.arange(len(b))))
