@@ -35,7 +35,7 @@ class UnitSamples(NamedTuple):
 
 
 def of(samples: Samples) -> NDArray[np.uint8]:
-    """Return the clip flags of samples in tool axes (dtype of `wire.IMU` or part of it), shape (n,)."""
+    """Return the clip flags of samples in tool axes (all or some fields of `wire.IMU`), shape (n,)."""
     force = input_covariance.clipped(samples, "linear_acceleration").any(axis=1)
     rate = input_covariance.clipped(samples, "angular_velocity")
     bits = ACCEL * force + AXIAL_GYRO * rate[:, 0] + CROSS_GYRO * rate[:, 1:].any(axis=1)

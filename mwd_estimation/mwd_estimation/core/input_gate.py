@@ -84,7 +84,7 @@ class InputGate:
         self._refused = np.zeros(0, dtype=REFUSED)
 
     def imu(self, samples: Samples) -> Samples:
-        """Return samples of the conventional unit (dtype of `wire.IMU` or part of it), with NaN beyond the gate."""
+        """Return samples of the conventional unit (all or some fields of `wire.IMU`), with NaN beyond the gate."""
         samples = self._vector(samples, "angular_velocity", GYRO)
         return self._vector(samples, "linear_acceleration", ACCEL)
 
@@ -134,7 +134,7 @@ def flow(samples: Samples) -> Samples:
 
 
 def kept(held: Samples, more: Samples) -> Samples:
-    """Append refused readings (dtype REFUSED) to earlier ones; keep only the newest `_MOST_KEPT` readings."""
+    """Return earlier and further refused readings (dtype REFUSED) joined, but only the newest `_MOST_KEPT`."""
     return np.concatenate([held, more])[-_MOST_KEPT:]
 
 
@@ -155,7 +155,7 @@ def sizes_of(refused: Samples, sensor: int, start_ns: int, end_ns: int) -> Array
 
 @compiled
 def _count(values: Array, low: float, high: float) -> int:
-    """Count the values, shape (n, k), that the gate changes."""
+    """Return the number of values, shape (n, k), that the gate changes: beyond the gate, NaN, or -0."""
     found = 0
     for i in range(values.shape[0]):
         for c in range(values.shape[1]):

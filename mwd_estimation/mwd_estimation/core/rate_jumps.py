@@ -57,7 +57,7 @@ class RateJumps:
 
     def without(self, stamps: Stamps, gyro: Array) -> Array:
         """
-        Return the rates, with NaN for all axes of each doubted sample.
+        Return the rates, with NaN for all axes of each doubted sample; the given array is not changed.
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ class RateJumps:
 
 @compiled
 def _run(s: JumpState, stamps: Stamps, gyro: Array) -> NDArray[np.bool_]:
-    """Return a mask of the doubted samples, shape (n,)."""
+    """Update the state with samples; return a mask of the doubted samples, shape (n,)."""
     doubted = np.zeros(len(stamps), dtype=np.bool_)
     for i in range(len(stamps)):
         if not math.isfinite(gyro[i, 0] + gyro[i, 1] + gyro[i, 2]):

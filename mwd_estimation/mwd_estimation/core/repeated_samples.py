@@ -108,7 +108,7 @@ class RepeatedSamples:
         return self._kept(log_ns[:first], samples[:first], kind[:first])
 
     def finish(self) -> tuple[Stamps, Samples] | None:
-        """Return the log times and the samples that are still held back, without copies; None if none is held back."""
+        """Remove and return log times and samples that are still held back, without copies; None if no sample is."""
         held, self._held = self._held, None
         return None if held is None else self._kept(*held)
 

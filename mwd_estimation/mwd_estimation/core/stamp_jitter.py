@@ -55,7 +55,7 @@ class StampJitter:
 
 @compiled
 def _run(s: JitterState, stamps: Stamps) -> Array:
-    """Return 1 sigma of the error of each stamp, s, shape (n,)."""
+    """Update the state with stamps; return 1 sigma of the error of each stamp, s, shape (n,)."""
     sigma = np.zeros(len(stamps))
     for i in range(len(stamps)):
         step = 1e-9 * (stamps[i] - s.last_ns)

@@ -87,7 +87,7 @@ class Track(NamedTuple):
 
     @classmethod
     def empty(cls, n: int) -> Track:
-        """Create a track for n samples, to be filled by a kernel."""
+        """Return a track for n samples, which a kernel must fill; only `status` and `gyro_step` are set, to 0."""
         one = (n,)
         status, gyro_step = np.zeros(one, dtype=np.uint32), np.zeros(one)
         return cls(np.empty((n, 3)), np.empty(one), np.empty(one), np.empty(one), np.empty(one), status, gyro_step)
