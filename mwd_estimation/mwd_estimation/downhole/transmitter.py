@@ -49,7 +49,7 @@ Row = TypeVar("Row", bound=tuple[Any, ...])
 
 
 class PartKind(enum.IntEnum):
-    """Kinds of parts of a transmission, with the numbers of mwd_msgs/Transmission."""
+    """Kinds of syncs, headers and words in a transmission, with the numbers of mwd_msgs/Transmission."""
 
     SYNC = 0
     HEADER = 1
@@ -131,7 +131,7 @@ class Transmitter:
         self.state = TransmitterState.SILENT
 
     def take_flow(self, samples: Samples) -> None:
-        """Add samples of `wire.TOOL_FLOW` in order; they must come before the attitude of the same time."""
+        """Add samples of `wire.TOOL_FLOW` in order; call this before `advance` with the attitude of the same time."""
         samples = input_gate.flow(samples)
         self._commands.listen(FLOW, samples["stamp_ns"], samples["flow"])
         if self.wired:
@@ -139,7 +139,11 @@ class Transmitter:
         self._flows.extend(zip(samples["stamp_ns"].tolist(), samples["flow"].tolist(), strict=True))
 
     def take_rotation(self, samples: Samples) -> None:
-        """Add samples of `wire.IMU` in tool axes, in order; they must come before the attitude of the same time."""
+        """
+        Add samples of `wire.IMU` in tool axes, in order.
+
+        Call this method before `advance` with the attitude of the same time.
+        """
         self._commands.listen(ROTATION, samples["stamp_ns"], samples["angular_velocity"][:, 0])
 
     def take_survey(self, survey: DecidedSurvey) -> None:
