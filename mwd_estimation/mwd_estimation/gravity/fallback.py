@@ -81,7 +81,9 @@ class GravityWithFallback:
         followed: Track | None = None,
     ) -> Track:
         """
-        Return the gravity of a block of n samples; the unusable sensors must be the same in the whole block.
+        Return the gravity of a block of n samples, and update the method.
+
+        The unusable sensors must be the same in the whole block.
 
         Parameters
         ----------

@@ -233,7 +233,7 @@ def _miss(p: BoundedParams, s: BoundedRecord, lapse: float, rate: float) -> None
 
 @compiled
 def _take(p: BoundedParams, s: BoundedRecord, dt: float, w: Vector, f: Vector, flags: int, stamp_ns: int) -> float:
-    """Process one accepted sample with bits of `clip_flags`; return the magnitude of the non-gravity force, m/s^2."""
+    """Process one accepted sample; flags: bits of `clip_flags`. Returns the size of the non-gravity force, m/s^2."""
     power = mechanisation.mechanise(p, s, dt, w, f)
     if s.started:
         clipping.follow_shocks(p, s, dt, f, power, flags & _ACCEL_FLAG != 0)
