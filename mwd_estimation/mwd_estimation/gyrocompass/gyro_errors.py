@@ -205,7 +205,7 @@ def between_stations(errors: GyroErrors, params: SeekParams) -> GyroErrors:
 
 def joined(errors: GyroErrors, sought: Sought) -> Joined:
     """
-    Combine the result of a seek with each Gaussian of `errors` at the end of the seek.
+    Return the result of a seek, combined with each Gaussian of `errors` at the end of the seek.
 
     The seek's own prior of biases, ramps and g-sensitivity is divided out, so that the prior counts only once in a run.
     """
@@ -267,7 +267,7 @@ def learnt(errors: GyroErrors, found: Joined, horizontal: float) -> GyroErrors:
 
 def _collapsed(errors: GyroErrors, log_weight: Array, mass: Array, mean: Array, covariance: Array) -> GyroErrors:
     """
-    Merge the Gaussians of a station by kind of unit and arc; the improbable arcs of a kind are merged into one.
+    Return the Gaussians of a station, merged by kind of unit and arc; the improbable arcs of a kind give one Gaussian.
 
     log_weight, shape (k,), is that of each previous Gaussian; mass, shape (k, a), its share in each arc; mean and
     covariance have shapes (k, a, 10) and (k, a, 10, 10).

@@ -146,7 +146,12 @@ def _attitude(fit: Fit) -> Reason | None:
 
 
 def _latitude(params: SeekParams, fit: Fit) -> Reason | None:
-    """Return the refusal if no plausible unit explains the Earth rate here, or if another latitude fits better."""
+    """
+    Return the refusal if no plausible gyro error explains the Earth rate or another latitude fits better; or None.
+
+    The Earth rate is compared with that of the given latitude, of the latitude with the other sign, and of other
+    latitudes.
+    """
     latitude = math.radians(params.latitude_deg)
     if fit.misfit > _MISFIT**2:
         return Reason(Code.LATITUDE_MISFIT, math.sqrt(fit.misfit), _MISFIT, (latitude,))

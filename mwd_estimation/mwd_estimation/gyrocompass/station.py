@@ -180,7 +180,8 @@ class GyroStation:
         """
         Return the reason why an automatic survey should wait longer while the tool is still, or None.
 
-        The reason is that the gyro azimuth is not known yet, or that its sigma would become smaller.
+        The reason is that the gyro azimuth is not known yet, or that its sigma would become smaller. After the shortest
+        seek, the result is computed again only every 2.5 s of the seek.
         """
         if not self._has_samples or self.params is None or self._seek is None or self._refusal is not None:
             return None
