@@ -265,7 +265,11 @@ def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: FaultUnit = 
 
 
 def take_changes(checks: Any, now_ns: int, unit: FaultUnit = FaultUnit.CONVENTIONAL) -> list[SensorFault]:
-    """Return the faults that began, changed or ended since the last call; the end of a fault is `now_ns`, ns."""
+    """
+    Return the faults that began, changed or ended since the last call, and clear their marks in `checks`.
+
+    now_ns: end of the faults that have ended, ns.
+    """
     changed = np.argwhere(checks["changed"] > 0)
     checks["changed"] = 0
     return [fault_of(checks, int(code), int(place), now_ns, unit) for code, place in changed]

@@ -3,9 +3,10 @@
 Health of the sensors from their own samples: fault, sensor, axis and beginning.
 
 Samples are evaluated in half seconds (`signal_checks`), when the magnetic samples of the same time have arrived.
-Windows of three seconds are evaluated for units, axes and signs (`window_checks`) if these are not known yet (then once
-a minute), and whenever gravity, field or dip are not as expected. `fault_debounce` turns the observations into faults.
-The compiled kernel stops when a fault has changed or a window must be evaluated, because uncompiled code does both.
+Windows of three seconds are evaluated for units of measurement, axes and signs (`window_checks`) if these are not known
+yet (then once a minute), and whenever gravity, field or dip are not as expected. `fault_debounce` turns the
+observations into faults. The compiled kernel stops when a fault has changed or a window must be evaluated, because
+uncompiled code does both.
 """
 
 from __future__ import annotations
@@ -271,7 +272,7 @@ def _due(k: MonitorParams, s: Any, tables: Tables, expected: ExpectedField, full
     Return whether the window must be evaluated.
 
     A window must be evaluated if gravity, field or dip are not as expected. A full window must also be evaluated while
-    a fault exists or is possible, or while axes, units or signs are unknown.
+    a fault exists or is possible, or while axes, units of measurement or signs are unknown.
     """
     carried, checks = motion_window.carry(tables.steps[: s.steps]), tables.checks
     if not motion_window.consistent(k.consistency, expected, carried, 1e-9 * (s.end_ns - s.window_ns)):
@@ -345,7 +346,7 @@ def _finish(tables: Tables, samples: Samples) -> None:
 @compiled
 def _plain(s: Any, checks: Any, samples: Samples, start: int, until: int) -> int:
     """
-    Return the index of the first sample from `start` on that needs a check.
+    Return the index of the first sample from `start` on that needs a check; update the newest stamp.
 
     This is a sample at or after `until`, ns, or a sample whose stamp must be checked.
     """

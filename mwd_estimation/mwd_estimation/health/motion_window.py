@@ -35,7 +35,7 @@ ABOUT_X = math.cos(math.radians(5.0))
 ROUGHLY_X = 0.85
 """`ABOUT_X` for a part of a window: a second of whirl or a blow leaves a net rotation across the axis."""
 LEAST_FIELD, MOST_FIELD = 5e-6, 3e-4
-"""Range of the Earth's field plus a magnetised string, T; a field outside this range is in another unit."""
+"""Range of the Earth's field plus a magnetised string, T; other fields are in another unit of measurement."""
 UPWARDS = 0.17
 """Axial force, as a share of gravity, above which the hole would point upwards by 10 deg."""
 

@@ -26,7 +26,7 @@ BY_GATE = 1
 # Smallest number of samples of an axis for evaluating half a second (a magnetometer may run at 10 Hz), and for using a
 # standard deviation.
 _SOME, FEW = 3, 10
-# Powers of ten from T to the other units in which a field may be sent (mT, gauss, uT, mG, nT, as in
+# Powers of ten from T to the other units of measurement in which a field may be sent (mT, gauss, uT, mG, nT, as in
 # `fault_messages.OTHER_UNITS`); and a usual field, T.
 FIELD_POWERS = np.array([3.0, 4.0, 6.0, 7.0, 9.0])
 _USUAL_FIELD = 5e-5

@@ -101,7 +101,7 @@ def judge_stamp(s: Any, checks: Any, stamp: int) -> int:
 
 @compiled
 def _pace(s: Any, samples: Samples) -> PaceCounts:
-    """Count the intervals of the half second; learn the rate from the first half second with enough of them."""
+    """Return the counts of intervals of the half second; the first half second with enough of them sets the rate."""
     if s.period == 0.0 and s.stop - s.first > _LEARN:
         s.period = _usual_interval(s, samples)
     steps, long, short = 0, 0, 0

@@ -296,7 +296,7 @@ class PrecisionHealth:
 
     def _take_beside(self, end_ns: int) -> tuple[Stamps, Array]:
         """
-        Return the conventional samples up to the first one at or after `end_ns`, ns.
+        Return stamps, ns, and values of the conventional samples up to the first one at or after `end_ns`, ns.
 
         Keep the last sample before `end_ns` and all later ones for the next half second.
         """

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Check units, axes and signs with a window of motion: gravity and field, rotated by the gyros, should be constant.
+Check units of measurement, axes and signs with a window of motion, in which gravity and field should be constant.
 
-Such errors are made at installation and are constant for a run. Units follow from the lengths of gravity and field,
-axes from the mappings that explain both, signs and frames from the dip if the reference dip is known. The observations
-are recorded in the checks of `fault_debounce`. A vector is called carried if the gyros rotate it to the axes at the
-start of the window; a case is one of the 48 cases of exchanged and reversed axes (`axis_mappings`). A case explains a
-vector if the mean of the vector, carried with the axes of the case, has the length that is expected.
+Wrong units, axes and signs come from the installation and are constant for a run. The gyros rotate gravity and field to
+common axes. Units of measurement follow from the lengths of gravity and field, axes from the mappings that explain
+both, signs and frames from the dip if the reference dip is known. The observations are recorded in the checks of
+`fault_debounce`. A vector is called carried if the gyros rotate it to the axes at the start of the window; a case is
+one of the 48 cases of exchanged and reversed axes (`axis_mappings`). A case explains a vector if the mean of the
+vector, carried with the axes of the case, has the length that is expected.
 """
 
 from __future__ import annotations
@@ -170,7 +171,7 @@ class WindowJudge:
             self._note_unit(6, 0 if known else -1, self._field_size, MOST_FIELD)
 
     def _note_unit(self, place: int, unit: int, value: float, limit: float) -> None:
-        """Record the unit of a sensor: 0 for SI, another number for another unit, -1 if unknown."""
+        """Record the unit of measurement of a sensor: 0 for SI, a larger number for another one, -1 if unknown."""
         seen = FOR if unit > 0 else (AGAINST if unit == 0 else NOTHING)
         self._note(FaultCode.UNIT, place, seen, value, limit).seen_which[0] = max(unit, 0)
 
@@ -323,7 +324,11 @@ class WindowJudge:
         return _bits(explaining & (WEIGHTS[explaining].min() == WEIGHTS))
 
     def _judge_axes(self) -> int:
-        """Record the simplest mistakes that explain the motion, and also the dip if the reference dip is known."""
+        """
+        Record the simplest mistakes that explain the motion, and also the dip if the reference dip is known.
+
+        Returns the observation of the check AXES.
+        """
         masks, seen, check = [0, 0, 0], NOTHING, self._checks[FaultCode.AXES, 0]
         if self._force.bad or (self._field.bad and self._field.judged):
             explaining = self._explaining()
