@@ -131,7 +131,7 @@ def axial_correction(
 def _corrected(
     stations: _FitStations, vertical: np.ndarray, plausible: float, lead: tuple[int, ...]
 ) -> AxialCorrection:
-    """Correct n stations; vertical, shape (n,): stations in a vertical hole; lead: leading shape of the results."""
+    """Return the correction of n stations; vertical, (n,): mask of vertical holes; lead: leading shape of results."""
     peaks = _peaks(stations)
     best = _best(stations, peaks)
     fit = stations.fit(best.azimuth)
@@ -328,7 +328,7 @@ class _FitStations:
         return np.asarray(misfit + log - 2.0 * np.log(density))
 
     def polish(self, azimuth: Array) -> Array:
-        """Move azimuths, shape (n, m), to the minima of their misfit by repeatedly narrowing a window."""
+        """Return azimuths, shape (n, m), moved to the minima of their misfit by repeatedly narrowing a window."""
         window = np.linspace(-1.0, 1.0, 17)
         width = 2.0 * np.pi / _GRID
         for _ in range(9):
