@@ -397,7 +397,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the estimator node."""
+    """Run the estimator node; return the exit status."""
     return run_node(EstimatorNode, args)
 
 

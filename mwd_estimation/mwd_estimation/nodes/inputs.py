@@ -172,7 +172,11 @@ class InputTopics:
         return kept
 
     def _fresh(self, topic: str, samples: Samples) -> Samples:
-        """Return the samples without copies (from a second publisher), by the same rule as `mwd process`."""
+        """
+        Return the samples without copies (from a second publisher), by the same rule as `mwd process`.
+
+        The time of new copies is stored for the diagnostics.
+        """
         repeated = self._repeated.get(topic)
         if repeated is None:
             return samples
