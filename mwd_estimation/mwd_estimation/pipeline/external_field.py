@@ -65,7 +65,7 @@ class ObservatoryRecord:
 
 def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
     """
-    Read a record in IAGA-2002 format with components X, Y, Z, or H, D, Z, or H, E, Z, or D, I, F.
+    Return the record of a file in IAGA-2002 format with components X, Y, Z, or H, D, Z, or H, E, Z, or D, I, F.
 
     Other components are ignored. Several daily files may be joined, each with its own header. The baseline declination
     (DECBAS) of a header is added to the angles that variometers report relative to the baseline.
@@ -111,7 +111,11 @@ class _Section:
     rows: list[list[float]] = dataclasses.field(default_factory=list)
 
     def north_east_down(self, name: str) -> Array:
-        """Return the samples as north, east, down, T, shape (n, 3)."""
+        """
+        Return the samples as north, east, down, T, shape (n, 3); NaN for a null value.
+
+        Raises ValueError as `read_iaga2002`; name: name of the file, for the errors.
+        """
         raw = np.array(self.rows, dtype=float).reshape(len(self.rows), len(self.letters))
         raw[np.abs(raw) >= _MISSING] = math.nan
         have = {letter: raw[:, k] for k, letter in enumerate(self.letters)}
@@ -143,7 +147,7 @@ class _Section:
 
 
 def _sections(text: str, name: str) -> list[_Section]:
-    """Split a file at its headers; return each header with the data after it."""
+    """Split a file at its headers; return each header with the data after it. Raises ValueError as `read_iaga2002`."""
     sections: list[_Section] = []
     baseline: float | None = None
     for number, line in enumerate(text.splitlines(), 1):

@@ -168,7 +168,7 @@ class Pipeline:
         return output
 
     def _take_imu(self, samples: Samples, followed: Track | None) -> Output:
-        """Process samples without a jump back of time; cut them where the stated noise changes."""
+        """Process samples without a jump back of time, cut where the stated noise changes; return their output."""
         output = Output.empty(0)
         while True:
             count, noise = self._onset.next_change(samples)
@@ -433,7 +433,12 @@ class NoiseOnset:
         self._counting = set(noise)
 
     def begin_again(self, last_ns: int) -> KeptSamples:
-        """Return the kept samples for an estimate that restarts; last_ns: stamp of the last processed sample, ns."""
+        """
+        Return the kept samples for an estimate that restarts.
+
+        If no samples of the conventional unit are kept, samples of other streams up to `last_ns`, ns, the stamp of the
+        last processed sample, are not used again. If the noise of all vectors is known, nothing is kept any more.
+        """
         kept = KeptSamples(list(self._imu), list(self._beside.items()))
         if not self._imu:
             self._begun_ns, self._from_ns = None, last_ns

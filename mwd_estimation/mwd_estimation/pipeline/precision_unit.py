@@ -99,8 +99,9 @@ class PrecisionUnitStage:
 
     def close(self, imu: Bin, still_bins: int) -> PrecisionBin:
         """
-        Close one bin: check the unit, and pass its samples to the north seek at the station if it has no fault.
+        Close one bin and return its samples and health.
 
+        If the unit has no fault, the samples are used for the north seek at the station.
         imu : bin of the conventional unit. still_bins : number of bins for which the tool has been still.
         """
         end_ns = (imu.index + 1) * BIN_NS
