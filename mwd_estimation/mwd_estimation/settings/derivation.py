@@ -269,10 +269,11 @@ def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
 
 def reference_or_none(settings: EstimatorSettings, first_ns: int) -> Reference | None:
     """
-    Return the result of `reference`, or a reference without values if the stamp is outside the years of the model.
+    Return the result of `reference`; without a set date, a reference without values if `reference` raises ValueError.
 
-    The `source` of a reference without values states the reason. Thus a node with a wrong clock still estimates
-    gravity. If a date is set, errors are raised as in `reference`.
+    The `source` of a reference without values states the error. Thus a node whose clock is outside the years of the
+    model still estimates gravity. Returns None if no field is set. If a date is set, errors are raised as in
+    `reference`.
     """
     try:
         return reference(settings, first_ns)

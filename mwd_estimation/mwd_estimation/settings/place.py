@@ -158,7 +158,7 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
 
 def _check_with_place(place: Place, first_ns: int) -> None:
     """
-    Refuse a fixed field that is impossible at the position, for example because of a wrong sign, angle or unit.
+    Refuse a fixed field that is impossible at the position, for example because of a wrong sign or unit of measurement.
 
     A wrong declination makes surveys wrong by the same angle, and no measurement in the hole shows the error.
 
