@@ -173,7 +173,11 @@ class SurveyDecision:
         return Provisional(judged_by_faults, one, finding, self._run.shared(), against)
 
     def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> DecidedSurvey:
-        """Return the survey, completed with the azimuth that the gyros propagated to it from the station above."""
+        """
+        Return the survey, completed with the azimuth that the gyros propagated from the station above to it.
+
+        The survey is kept as published, for revisions.
+        """
         known, finding = _known_of(provisional, propagated), provisional.finding
         survey = self._continued(provisional, propagated, known)
         had_a_say = known is not None and finding is not None and finding.continued(*known) is not finding

@@ -175,7 +175,11 @@ def _divided(seeks: list[dict[int, Taken]]) -> int:
 
 
 def _of_seek(model: RunModel, seek: dict[int, Taken]) -> dict[int, Finding | None]:
-    """Return the findings of the stations of one seek; each uses the fields of the other stations, not their gyro."""
+    """
+    Return the findings of the stations of one seek by index; None where no sensor measures the azimuth.
+
+    Each finding uses the fields of the other stations of the seek, not their gyro azimuths.
+    """
     fields = {k: one._replace(gyro=None) for k, one in seek.items()}
     found = {}
     for k, one in seek.items():

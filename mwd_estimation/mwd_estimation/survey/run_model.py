@@ -139,7 +139,11 @@ class RunModel:
         self._read(taken, learn=True)
 
     def _read(self, taken: Taken, learn: bool) -> _Read | None:
-        """Return the evidence of a station, after learning from it; None if no sensor measures the azimuth."""
+        """
+        Return the evidence of a station from the earlier stations; None if no sensor measures the azimuth.
+
+        The time of the model advances to the station. learn: whether the model then learns from the station.
+        """
         measured, hours, gyro, turning, hazard, age = taken
         readings, station = measured.readings, measured.station
         if readings is None:
@@ -181,13 +185,21 @@ class RunModel:
         return _Read(model, one, evidence, doubts, station.north_correction - self._north(measured), repeats, agreed)
 
     def _hazard_at(self, hours: float) -> float:
-        """Return the cumulative hazard of a change of the string at a station that follows the last one."""
+        """
+        Return the cumulative hazard of a change of the string at a station, and make the station the last one.
+
+        hours: time of the station, h.
+        """
         before, hazard = self._reached
         self._reached = hours, hazard + hypotheses.hazard(self._settings.priors, hours - before)
         return self._reached[1]
 
     def _age_at(self, hours: float, one: Row, *, goes_on: bool) -> float:
-        """Return the age of the gyro at a station, h; goes_on: whether its seek is that of the last station."""
+        """
+        Return the time from the first seek of the run to a station, h; 0 before the first seek.
+
+        The time is kept for the next station. goes_on: whether the seek of the station is that of the last station.
+        """
         if self._aged is not None and not goes_on:
             self._aged = hours, self._aged[1] + elapsed(self._aged[0], hours)
         elif self._aged is None and math.isfinite(one["gyro"]):
@@ -246,7 +258,7 @@ class RunModel:
         return one
 
     def _model(self, measured: Measured) -> RunFilter:
-        """Return the filters of the run; new filters at another place or with another north."""
+        """Return the filters of the run; at another place or with another north, start anew with new filters."""
         reference, magnetic = measured.station.reference, measured.station.north == "magnetic"
         if self._filter is None or magnetic != self._of[1] or _elsewhere(reference, self._of[0]):
             known = reference if reference is not None and reference.has_field else None

@@ -155,7 +155,7 @@ class StillSurvey:
         return _averaged(chosen, requested)
 
     def finish(self) -> StillAverage | None:
-        """Return the average of a survey that waits, at the end of the data; None if no survey waits."""
+        """End a survey that waits, at the end of the data, and return its average; return None if no survey waits."""
         if self.waits_for is None:
             return None
         held, self.waits_for, self._taken = self._run[self._settles :], None, True

@@ -190,9 +190,10 @@ class Survey(MessageRecord):
 
     def turned(self, azimuth: float, given: North, north: North) -> float | None:
         """
-        Convert an azimuth at this survey's place from one north to another, rad in [0, 2 pi); None if not possible.
+        Return an azimuth at this survey's place, converted from one north to another, rad in [0, 2 pi).
 
-        True = magnetic + declination, grid = true - convergence. The declination needs a reference field.
+        None if not possible. True = magnetic + declination, grid = true - convergence. The declination needs a
+        reference field.
         """
         if North.UNKNOWN in (given, north):
             return None
