@@ -79,9 +79,9 @@ def _bounded(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[
     """
     Return the deflections and slopes with the smallest energy between -bounds and bounds, and the contacts.
 
-    All arrays have one row per deflection and per slope of the nodes. The contact of a row is -1 or 1 if the row is at
-    the lower or upper bound, else 0. side: initial guess of the contacts. Raises LinAlgError if the energy has no
-    minimum, or no stable set of contacts is found.
+    matrix, load: stiffness matrix and load of the nodes. All arrays have one row per deflection and per slope of the
+    nodes. The contact of a row is -1 or 1 if the row is at the lower or upper bound, else 0. side: initial guess of the
+    contacts. Raises LinAlgError if the energy has no minimum, or no stable set of contacts is found.
     """
     limited = np.isfinite(bounds)
     rigid = bounds <= 0.0
