@@ -94,7 +94,12 @@ def _take(last: LastMagnetic, taken: MagneticAzimuth) -> None:
 
 @compiled
 def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last_sigma: float) -> tuple[bool, float, float]:
-    """Return whether the azimuth is known, the azimuth, rad, and its sigma, rad; last_sigma: `LastMagnetic.sigma`."""
+    """
+    Return whether the azimuth is known, the azimuth, rad, and its sigma, rad; NaN if unknown.
+
+    The plain azimuth is used only if none was propagated and the field is not disturbed. status: bits of `Status`;
+    last_sigma: `LastMagnetic.sigma`.
+    """
     if math.isfinite(azimuth.azimuth):
         return True, azimuth.azimuth, azimuth.sigma
     # If no azimuth is propagated (at the start, near vertical), use the plain magnetic one.
@@ -107,7 +112,12 @@ def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last_sigma: f
 def _magnetic_toolface(
     plain: AttitudeRow, azimuth: AzimuthRow, down_x: float, near_vertical: bool
 ) -> tuple[float, float]:
-    """Return the magnetic toolface and its 1 sigma, rad; down_x: x component of the unit vector down."""
+    """
+    Return the magnetic toolface and its 1 sigma, rad.
+
+    Near the vertical, or without a propagated azimuth, it is the plain toolface. down_x: x component of the unit vector
+    down.
+    """
     if near_vertical or not math.isfinite(azimuth.azimuth):
         return plain.magnetic_toolface, plain.sigma_magnetic_toolface
     # Add the propagated azimuth minus the plain azimuth to the magnetic toolface. Without a plain azimuth, compute the
@@ -168,7 +178,7 @@ def _write_attitude(
 
 @compiled
 def _sigma(sigma: float, known: bool, unsure: bool) -> float:
-    """Return the sigma for the message, rad: NaN if the value is not known, pi if the value may have any error."""
+    """Return the sigma for the message, rad: NaN if not `known`, pi if `unsure` (the value may have any error)."""
     return (math.pi if unsure else sigma) if known else math.nan
 
 

@@ -174,8 +174,8 @@ def _count_shock(p: DynamicsParams, s: DynamicsState, stamp: int, whole2: float)
     """
     Count each excursion above the shock threshold once, at any sample rate.
 
-    An excursion that begins at most 10 ms after the last sample above the threshold belongs to the same shock. whole2:
-    squared magnitude of the non-gravity acceleration, (m/s^2)^2.
+    An excursion that begins at most 10 ms after the last sample above the threshold belongs to the same shock. stamp:
+    ns; whole2: squared magnitude of the non-gravity acceleration, (m/s^2)^2.
     """
     if whole2 < p.shock_threshold * p.shock_threshold:
         s.above = False
@@ -189,7 +189,7 @@ def _count_shock(p: DynamicsParams, s: DynamicsState, stamp: int, whole2: float)
 
 @compiled
 def _add(slot: Slot, rate: float, axial2: float, lateral2: float) -> None:
-    """Add a sample to a slot."""
+    """Add a sample to a slot; rate: x rate, rad/s; axial2, lateral2: squared accelerations, (m/s^2)^2."""
     slot.samples += 1
     slot.rate += rate
     slot.axial2 += axial2
