@@ -169,8 +169,8 @@ def _apply(values: Array, low: float, high: float) -> NDArray[np.float64]:
     """
     Replace each value, shape (n, k), beyond the gate by NaN and each -0 by 0, in place.
 
-    Returns the length of each row that has a value beyond the gate, without its NaN components, shape (n,), and NaN for
-    the other rows.
+    low, high: limits of the gate. Returns the length of each row that has a value beyond the gate, without its NaN
+    components, shape (n,), and NaN for the other rows.
     """
     sizes = np.full(values.shape[0], math.nan)
     for i in range(values.shape[0]):

@@ -132,7 +132,12 @@ def _numbers(samples: Samples) -> Array:
 
 @compiled
 def _judge(s: RepeatedState, numbers: Array, stamp_ns: Stamps, stamped: bool, kind: NDArray[np.int64]) -> None:
-    """Fill `kind`, shape (n,), with _FRESH, _COPY or _SUSPECT for each sample; numbers: readings, shape (n, k)."""
+    """
+    Fill `kind`, shape (n,), with _FRESH, _COPY or _SUSPECT for each sample, and update the state.
+
+    numbers: readings, shape (n, k); stamp_ns: stamps, ns, shape (n,); stamped: whether equal stamps mean the same
+    measurement.
+    """
     bits = numbers.view(np.int64)
     for k in range(len(bits)):
         if s.count > 0 and stamp_ns[k] < s.last_ns - _BACK_NS:

@@ -93,7 +93,7 @@ class SensorFault:
     from_start: bool = False
 
     def lasted_in(self, begin_ns: int, end_ns: int) -> bool:
-        """Return whether the fault existed at some time between two stamps, ns, as far as is known now."""
+        """Return whether the fault existed at some time in [begin_ns, end_ns), as far as is known now."""
         begun = self.from_start or self.since_ns < end_ns
         return begun and (not self.cleared_ns or self.cleared_ns > begin_ns)
 

@@ -177,7 +177,8 @@ def _fill(
     """
     Add the samples from index `start` on; stop if `closed` is full.
 
-    Returns the index of the first sample not added, and the number of closed bins.
+    stamp_ns, values: as in `Binner.add`; length_ns: length of a bin, ns. Returns the index of the first sample not
+    added, and the number of closed bins.
     """
     s = state[0]
     first, total, low, high, products = sums
