@@ -49,7 +49,7 @@ Row = TypeVar("Row", bound=tuple[Any, ...])
 
 
 class PartKind(enum.IntEnum):
-    """Kinds of syncs, headers and words in a transmission, with the numbers of mwd_msgs/Transmission."""
+    """Kind of a transmitted part: sync, header, or word of a survey or toolface frame; as in mwd_msgs/Transmission."""
 
     SYNC = 0
     HEADER = 1
@@ -291,7 +291,11 @@ class Transmitter:
         return int(self._rotation.on) if switches else self._commands.settings.sequence
 
     def _parts(self, *, with_survey: bool) -> Iterator[_Part]:
-        """Yield sync, header and survey, then the toolface sequence, if there is one, until the tool is muted."""
+        """
+        Yield sync and header (of a pulse code), the survey if `with_survey`, then the toolface sequence repeatedly.
+
+        The end comes when the tool is muted, or after the survey if the tool has no toolface sequence.
+        """
         number = self._number
         if self.tool.code in PULSE_CODES:
             yield _Part(PartKind.SYNC, number, Group("", number, 0, ()))
