@@ -202,7 +202,11 @@ def _begin(p: MahonyParams, s: Any) -> None:
 
 @compiled
 def _average(p: MahonyParams, s: Any, dt: float, u: Vector, turn: tuple[float, float, float]) -> None:
-    """Average the force, rotated by the gyro, so that vibration averages out and rotation has no effect."""
+    """
+    Average the force, rotated by the gyro, so that vibration averages out and rotation has no effect.
+
+    dt, u, turn: as in `_correct`.
+    """
     mx, my, mz = in_turned_axes(s.mean[0], s.mean[1], s.mean[2], turn[0], turn[1], turn[2])
     step = max(dt, 1e-3)
     mx += u[0] * step

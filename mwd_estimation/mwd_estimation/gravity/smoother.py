@@ -77,7 +77,11 @@ class Smoother:
     def push(
         self, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike, clipped: ArrayLike | None = None
     ) -> Track:
-        """Accept a block; return the gravity of the samples that now have enough later samples, in order of time."""
+        """
+        Accept a block; return the gravity of the samples that now have enough later samples, in order of time.
+
+        Arguments and errors as for `bounded.filter.run`. The result has no samples until more than BLOCK samples wait.
+        """
         part, log = bounded.run_logged(self.params, self._state, stamp_ns, gyro_t, accel_t, clipped)
         updates = log.updates[: log.entries[0]].copy()
         updates["sample"] += self._count

@@ -102,7 +102,8 @@ def average(p: BoundedParams, s: BoundedRecord, dt: float, f: Vector, clips: boo
     """
     Add a force, m/s^2, rotated by the gyro, to the mean of a start; return True when the first attitude is set.
 
-    clips: whether the x gyro clips. Then the rotation is unknown, so the mean restarts.
+    dt: time since the last sample, s; clips: whether the x gyro clips. Then the rotation is unknown, so the mean
+    restarts.
     """
     step, C, turn2 = max(dt, 1e-3), s.C, s.last_w[0] ** 2
     if clips:

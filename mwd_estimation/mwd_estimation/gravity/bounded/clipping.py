@@ -44,8 +44,8 @@ def follow_shocks(p: BoundedParams, s: BoundedRecord, dt: float, f: Vector, powe
     A force far above the usual one may be a shock whose peak was clipped before the sensor averaged the force. The lost
     velocity is mostly along the measured force, so the variance of the velocity is increased in this direction.
 
-    power: squared acceleration, (m/s^2)^2; flag: whether the unit reports clipping in this sample, even if the measured
-    force is small.
+    dt: time since the last sample, s; f: force, m/s^2; power: squared acceleration, (m/s^2)^2; flag: whether the unit
+    reports clipping in this sample, even if the measured force is small.
     """
     s.since_shock += dt
     s.shocks -= dt / SHOCK_MEMORY * s.shocks
@@ -152,7 +152,8 @@ def follow_rate(p: BoundedParams, s: BoundedRecord, dt: float, wx: float, flag: 
     of the rate. The covariances of the sensor errors and of the inclination are set aside during clipping, so that a
     wrong roll cannot change them; the gyros across the axis keep the inclination.
 
-    wx: measured x rate, rad/s; flag: whether the unit reports clipping of the x gyro in this sample.
+    dt: time since the last sample, s; wx: measured x rate, rad/s; flag: whether the unit reports clipping of the x gyro
+    in this sample.
     """
     c = s.clipping
     if flag or abs(wx) >= track.AT_RANGE * p.gyro_range:

@@ -49,7 +49,7 @@ class MagneticSamples(NamedTuple):
 
     @classmethod
     def none(cls, lag_ns: int = 0) -> MagneticSamples:
-        """Return an instance without samples."""
+        """Return an instance without samples; lag_ns: see the attribute of this name."""
         return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), lag_ns, np.zeros(0, dtype=np.int64))
 
     def leave_out(self, out: NDArray[np.bool_]) -> None:

@@ -201,8 +201,8 @@ def _resume(p: BoundedParams, s: BoundedRecord, verdict: int, dt: float, w: Arra
     """
     Bridge a data gap of dt, s; restart at the first sample, without an attitude, or if the gap is too long.
 
-    If only the roll is lost in the gap, only the roll restarts. w: rates at the end of the gap, rad/s; i: index of the
-    sample.
+    If only the roll is lost in the gap, only the roll restarts. verdict: as in `track.admit`; w: rates at the end of
+    the gap, rad/s; i: index of the sample.
     """
     known = s.started and s.clipping.sign == 0.0
     if verdict == track.FIRST or not known or not 0.0 < dt < p.max_bridged_gap_s:

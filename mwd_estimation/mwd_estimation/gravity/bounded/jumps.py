@@ -129,7 +129,11 @@ def _search(p: BoundedParams, s: BoundedRecord) -> tuple[int, int]:
 
 @compiled
 def _moves(p: BoundedParams, s: BoundedRecord, kind: int) -> Array:
-    """Return the change of each error by a jump of 1 sigma, for up to three directions, shape (STEADY, 3)."""
+    """
+    Return the change of each error by a jump of 1 sigma, for up to three directions, shape (STEADY, 3).
+
+    kind: STEP, TRAVEL, KNOCK or RAMP.
+    """
     moves = np.zeros((STEADY, 3))
     missed = p.axial_speed + (BEAT * math.sqrt(s.power) if s.meaning.sampled else 0.0)
     for j in range(3):
@@ -187,7 +191,7 @@ def _inverse(M: Array) -> tuple[Array, float]:
 
 @compiled
 def _apply(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> None:
-    """Correct the state for a jump `at` updates ago, estimated with the variances that the filter assumes."""
+    """Correct the state for a jump of a kind `at` updates ago, estimated with the variances that the filter assumes."""
     A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
     for back in range(1, at + 1):
         row = s.recent.rows[ring.place(s.recent, back)]

@@ -117,7 +117,7 @@ def log_measured(s: BoundedRecord, axis: int, measured: Array, gain: Array) -> N
 
 @compiled
 def symmetrise(P: Array, size: int) -> None:
-    """Make a covariance exactly symmetric, so that rounding errors do not grow."""
+    """Make the first `size` rows of a covariance exactly symmetric, so that rounding errors do not grow."""
     for j in range(size):
         for m in range(j):
             P[m, j] = P[j, m]

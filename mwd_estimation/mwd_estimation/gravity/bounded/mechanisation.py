@@ -154,7 +154,11 @@ def turn_heading(s: BoundedRecord) -> None:
 
 @compiled
 def _turn_columns(P: Array, T: float, upright: float, circle: tuple[float, float, float, float]) -> None:
-    """Apply P <- F P; circle: mean velocity and displacement along level x and y."""
+    """
+    Apply P <- F P for the rotation of the level frame over T, s.
+
+    upright: vertical component of the tool axis; circle: mean velocity, m/s, and displacement, m, along level x and y.
+    """
     vx, vy, x, y = circle
     for j in range(ERRORS):
         turn = upright * T * (P[MISSING, j] + 0.5 * T * P[SLOPE, j])
@@ -167,7 +171,7 @@ def _turn_columns(P: Array, T: float, upright: float, circle: tuple[float, float
 @compiled
 def propagate(P: Array, sums: UpdateSums, size: int) -> None:
     """
-    Propagate the covariance, P <- F P F', over the interval of the sums (equation (3)); the caller adds the noise.
+    Propagate the first `size` errors, P <- F P F', over the interval of the sums (equation (3)); the caller adds noise.
 
     tilt' = tilt - int(C) bias - int(C e_x w_x) scale - int(C e_yz w_x) askew;
     velocity' = velocity + [mean of both tilts x] force + T down;

@@ -105,9 +105,10 @@ def _cone(p: BoundedParams, s: BoundedRecord, rotating: float) -> float:
     """
     Return the variance of the axis about which the tool seems to rotate, mean of y and z, rad^2.
 
-    With misalignment or bias of the cross-axis gyros, the measured axis of rotation is wrong. At constant speed no
-    innovation shows most of this error. The part of P that still comes from the error at switch-on is scaled to the
-    tool's sigma; the remaining part of P is noise of the estimate and is multiplied by the scale of the inclination.
+    rotating: weight of errors fixed in the tool, 0 (at rest) to 1. With misalignment or bias of the cross-axis gyros,
+    the measured axis of rotation is wrong. At constant speed no innovation shows most of this error. The part of P that
+    still comes from the error at switch-on is scaled to the tool's sigma; the remaining part of P is noise of the
+    estimate and is multiplied by the scale of the inclination.
     """
     P, total, slow = s.P, 0.0, rotating / math.copysign(max(s.turning, 1e-3), s.last_w[0])
     scale2, bias2 = max(p.scale_sigma**2, LEAST_PRIOR), max(p.bias_sigma**2, LEAST_PRIOR)
