@@ -83,8 +83,8 @@ class _Cost:
         """
         Return angles that resolve every mode, rad, and the width of the circle that each angle represents, rad.
 
-        Both have the shape (n,). lone: whether to use only the half circle around the single mode, because an expected
-        azimuth excludes the other half.
+        Both have the shape (n,). modes: angles of the modes, rad; lone: whether to use only the half circle around the
+        single mode, because an expected azimuth excludes the other half.
         """
         spread = [modes[0] + np.linspace(-0.5, 0.5, 361) * math.pi if lone else np.linspace(-1.0, 1.0, 721) * math.pi]
         for mode in modes:
@@ -104,7 +104,7 @@ class _Cost:
 
 def along(parts: Mixture, horizontal: float) -> tuple[Array, Array, Array]:
     """
-    Evaluate each Gaussian along the circle.
+    Evaluate each Gaussian along the circle; horizontal: Earth rate times the cosine of the latitude, rad/s.
 
     Returns
     -------

@@ -226,7 +226,7 @@ def _sigma(circle: OnCircle, misfit: float | None = None) -> float:
 
 def _others(p: KernelParams, state: SeekState, told: float) -> list[tuple[float, float]]:
     """
-    Return other latitudes, rad, each with the log of its odds before the seek and by the measured gravity.
+    Return latitudes other than `told`, rad, each with the log of its odds before the seek and by the measured gravity.
 
     Gravity elsewhere differs from the gravity stated for the place by the difference of normal gravity.
     """
@@ -294,7 +294,11 @@ def _hole_axis(state: SeekState, method: str) -> tuple[float, float, Array]:
 
 
 def _limit(p: KernelParams, seen: float, elapsed: float) -> float:
-    """Return 1 sigma of an ideal estimator, rad (`Solution.limit`); seen: share of the Earth rate that is measured."""
+    """
+    Return 1 sigma of an ideal estimator, rad (`Solution.limit`).
+
+    seen: share of the horizontal Earth rate that is measured, 0 to 1; elapsed: duration of the data, s.
+    """
     rate = p.horizontal * max(seen, 1e-3)
     return min(p.gyro_noise / (rate * math.sqrt(max(elapsed, 1e-3))), math.pi)
 

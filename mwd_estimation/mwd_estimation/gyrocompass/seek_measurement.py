@@ -173,7 +173,11 @@ def _settle(s: SeekState) -> None:
 
 @compiled
 def _hold_axis(s: SeekState, work: SeekWork, share: float) -> None:
-    """Update with the hole axis, which does not move except for a wobble once and twice per turn of the scribe line."""
+    """
+    Update with the hole axis, which does not move except for a wobble once and twice per turn of the scribe line.
+
+    If the axis is beyond the gate in `_MOVED_BLOCKS` blocks in a row, it has moved. share: as in `_hold`.
+    """
     mat, reference, h = s.mat, s.axis_reference, work.h
     ax, ay, az, zx, zy, zz = mat[0, 0], mat[1, 0], mat[2, 0], mat[0, 2], mat[1, 2], mat[2, 2]
     hx, hy, hz, rx, ry = frame(reference)
@@ -205,7 +209,11 @@ def _hold_axis(s: SeekState, work: SeekWork, share: float) -> None:
 
 @compiled
 def _hold_roll(s: SeekState, work: SeekWork, share: float) -> None:
-    """Update with the constant roll of a tool at rest; the first roll of each interval at rest is the reference."""
+    """
+    Update with the constant roll of a tool at rest; the first roll of each interval at rest is the reference.
+
+    share: as in `_hold`.
+    """
     mat, a, k, h = s.mat, s.axis_reference, s.roll_reference, work.h
     zx, zy, zz = mat[0, 2], mat[1, 2], mat[2, 2]
     if s.still_run == _REST_BLOCKS:

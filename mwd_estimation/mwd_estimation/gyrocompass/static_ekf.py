@@ -161,7 +161,11 @@ def north(state: StaticState) -> StaticNorth:
 
 @compiled
 def propagate(p: KernelParams, s: StaticState, dt: float, w: Array, f: Array) -> None:
-    """Propagate the estimate by one sample of mean rate w, rad/s, and force f, m/s^2, shape (3,), in place."""
+    """
+    Propagate the estimate by one sample, in place.
+
+    dt: s; w, f, shape (3,): mean rate, rad/s, and force, m/s^2.
+    """
     mat, v = s.mat, s.velocity
     ax, ay, az = f[0] - s.accel_bias[0], f[1] - s.accel_bias[1], f[2] - s.accel_bias[2]
     vn, ve, vd = v[0], v[1], v[2]
