@@ -295,7 +295,11 @@ def _due(k: MonitorParams, s: Any, tables: Tables, expected: ExpectedField, full
 
 @compiled
 def _close(k: MonitorParams, tables: Tables, expected: ExpectedField, samples: Samples, broken: bool) -> bool:
-    """Evaluate the half second that ended; return True if the window must be evaluated too or a fault has changed."""
+    """
+    Evaluate the half second that ended; return True if the window must be evaluated too or a fault has changed.
+
+    broken: whether there is a data gap after the half second.
+    """
     s, channels, checks = tables.stream[0], tables.channels, tables.checks
     began = s.bin * BIN_NS
     s.end_ns, s.broken = began + BIN_NS, int(broken)
@@ -394,7 +398,7 @@ def _run(
     Process samples from `start` on; return the index of the sample at which `_after_bin` must be called.
 
     Return the number of samples if there is no such sample. offset: index of the first sample of the block among the
-    waiting samples.
+    waiting samples; unusable, suspect, shape (n,): filled for the samples of the block, as in `Step`.
     """
     s, stamps = tables.stream[0], samples.stamps
     if not s.open:

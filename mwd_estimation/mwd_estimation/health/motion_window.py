@@ -220,7 +220,11 @@ def _length_noise(carried: CarriedVectors) -> float:
 
 @compiled
 def _turns_about_x(expected: ExpectedField, carried: CarriedVectors, seconds: float) -> bool:
-    """Return whether the tool does not rotate, or rotates about x like a tool whose x axis points down the hole."""
+    """
+    Return whether the tool does not rotate, or rotates about x like a tool whose x axis points down the hole.
+
+    seconds: length of the window, s.
+    """
     upwards = carried.force_x / carried.forces > UPWARDS * expected.gravity
     turn_x = carried.turn[0]
     turned = -turn_x if math.isfinite(expected.dip) else abs(turn_x)

@@ -85,7 +85,11 @@ class UnitRecords(NamedTuple):
 
 @compiled
 def _judge_samples(unit: UnitRecords, limits: signal_checks.SignalLimits, began: int, still: bool) -> int:
-    """Check the samples of the precision unit without comparison; return the bits of doubtful sensors."""
+    """
+    Check the samples of the precision unit without comparison; return the bits of doubtful sensors.
+
+    still: whether the tool is at rest.
+    """
     checks, channels = unit.checks, unit.channels
     signal_checks.summarise(channels)
     doubtful: int = signal_checks.judge_bin(limits, checks, channels, np.full(3, math.inf), began)
@@ -144,7 +148,11 @@ def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
 
 @compiled
 def _judge_wrong(unit: UnitRecords, began: int, still: bool, sound: bool) -> None:
-    """Record whether axes are wrong, and whether the precision unit alone or either unit is accused."""
+    """
+    Record whether axes are wrong, and whether the precision unit alone or either unit is accused.
+
+    still: whether the tool is at rest; sound: whether the conventional unit can be used.
+    """
     state, check = unit.state, unit.checks[FaultCode.AXES.value, 0]
     proved = check.state == FAULT and not check.which[2]
     wrong = bool(state.wrong[0] or state.wrong[1])
@@ -157,7 +165,7 @@ def _judge_wrong(unit: UnitRecords, began: int, still: bool, sound: bool) -> Non
 
 @compiled
 def _judge_rest(unit: UnitRecords, began: int, still: bool, values: Array) -> None:
-    """Check the rate across the tool at rest; values: samples of the half second, shape (n, 6)."""
+    """Check the rate across the tool if it is at rest (`still`); values: samples of the half second, shape (n, 6)."""
     state, usable, mean = unit.state, 0, np.zeros(2)
     state.still = state.still + 1 if still else 0
     state.rested = state.rested if still else 0

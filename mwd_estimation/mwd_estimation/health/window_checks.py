@@ -422,7 +422,11 @@ class WindowJudge:
                 check.seen_which = check.which
 
     def _frames(self, dips: Array, up: float) -> Flags:
-        """Return a mask of the simple MISTAKES, shape (141,), that explain motion, dip and a hole that points down."""
+        """
+        Return a mask of the simple MISTAKES, shape (141,), that explain motion, dip and a hole that points down.
+
+        dips: dip with each mistake corrected, rad, shape (141,); up: axial force as a share of gravity.
+        """
         matrices = _MATRICES[_MAPPING]
         rise = np.where(_SENSOR == ACCEL, matrices[:, :, 0] @ self._window.mean_force / self._length, up)
         near = np.abs(dips - self._expected.dip) < 0.1
