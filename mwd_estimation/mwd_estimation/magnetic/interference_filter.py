@@ -189,7 +189,7 @@ def _directions(s: InterferenceState, g: Array, b: Array, m: InterferenceInnovat
 @compiled
 def _slopes(g: Array, m: InterferenceInnovation) -> None:
     """
-    Fill the derivatives of the innovations of V and H with respect to the state.
+    Fill the derivatives of the innovations of V and H with respect to the state; g: unit vector down, shape (3,).
 
     Derivatives with respect to the scale errors use the expected field and not the measured field: the noise of the
     measured field is also in the innovation, and the product of both would bias the scale errors.
