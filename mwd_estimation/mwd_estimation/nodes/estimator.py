@@ -260,7 +260,11 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._used_samples.publish(message)
 
     def _tell(self, kind: int, *, success: bool = True, **fields: Any) -> None:
-        """Publish a request that affects surveys, with the stamp of the last sample before it; for recordings."""
+        """
+        Publish a request that affects surveys, with the stamp of the last sample before the request; for recordings.
+
+        kind, success, fields: fields of mwd_msgs/msg/OperatorEvent.
+        """
         event = unknown(OperatorEvent, kind=kind, success=success, **fields)
         event.header.stamp = stamp(self._used.newest_ns)
         self._operator_events.publish(event)
