@@ -202,7 +202,7 @@ def quiet_level(stamps_ns: Stamps, field_n: Array) -> Array:
 
 
 def _weighted_median(values: Array, weights: Array) -> float:
-    """Return the weighted median: half of the total weight belongs to smaller values."""
+    """Return the weighted median of values, shape (n,): half of the total weight belongs to smaller values."""
     order = np.argsort(values)
     below = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(below, 0.5 * below[-1])])

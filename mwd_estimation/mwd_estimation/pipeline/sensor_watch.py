@@ -134,7 +134,7 @@ class SensorWatch:
         """
         Yield the stretches of a block, which is cut where the health of a sensor changes.
 
-        The history of the faults is updated when a stretch is requested.
+        Arguments as in `monitor.run`. The history of the faults is updated when a stretch is requested.
         """
         found = monitor.run(self._params, self._state, stamps, gyro, accel)
         for start, stop in itertools.pairwise(sorted({0, *found.places, len(stamps)})):
