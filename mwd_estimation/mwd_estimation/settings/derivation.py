@@ -74,7 +74,11 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
 
 
 def accelerometer_params(settings: EstimatorSettings, gravity: float | None) -> accelerometer_only.AccelerometerParams:
-    """Return the parameters of the accelerometer-only method, which is used while the gyros are faulty."""
+    """
+    Return the parameters of the accelerometer-only method, which is used while the gyros are faulty.
+
+    gravity: local gravity, m/s^2, None if unknown.
+    """
     found: accelerometer_only.AccelerometerParams = _of_tool(
         settings.tool, gravity, accelerometer_only.AccelerometerParams()
     )

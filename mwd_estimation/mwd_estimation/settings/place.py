@@ -160,7 +160,8 @@ def _check_with_place(place: Place, first_ns: int) -> None:
     """
     Refuse a fixed field that is impossible at the position, for example because of a wrong sign or unit of measurement.
 
-    A wrong declination makes surveys wrong by the same angle, and no measurement in the hole shows the error.
+    first_ns: stamp of the first sample, ns, which gives the date. A wrong declination makes surveys wrong by the same
+    angle, and no measurement in the hole shows the error.
 
     Raises
     ------
@@ -246,7 +247,7 @@ def _slips_of_figures(total: float, dip_deg: float) -> tuple[Slip, ...]:
 
 
 def _slips_of_place(place: Place, first_ns: int) -> tuple[Slip, ...]:
-    """Return the fields at positions and dates that a user may have meant instead of the given ones."""
+    """Return the fields at positions and dates that a user may have meant; first_ns: stamp of the first sample, ns."""
     lat, lon = place.lat_deg or 0.0, place.lon_deg or 0.0
     places: dict[str, dict[str, Any]] = {
         f"latitude {-lat:g} instead of {lat:g}": {"lat_deg": -lat},
