@@ -259,7 +259,12 @@ def _judged_again(
     newest: int,
     faults: Sequence[SensorFault],
 ) -> dict[int, DecidedSurvey]:
-    """Return the newest surveys by number, as published or as revised by the run, and all withdrawn surveys."""
+    """
+    Return the newest surveys by number, as published or as revised by the run, and all withdrawn surveys.
+
+    taken: stations of the run, in order, by survey number, with their findings; published: by survey number; newest:
+    number of stations; faults: present faults.
+    """
     judged_now = _by_the_run(taken, published, settings, newest)
     every = {number: judged_now.get(number, first.survey) for number, first in published.items()}
     now = {number: withdrawn(survey, faults) for number, survey in every.items()}

@@ -96,7 +96,7 @@ class FaultHistory:
         """
         Return whether a magnetometer, good before, was in doubt (and thus unused) soon after it began to repeat values.
 
-        Soon means within `_IN_TIME_NS`; good means used for at least `_SOUND_NS` before.
+        Soon means within `_IN_TIME_NS`; good means used for at least `_SOUND_NS` before. fed_ns: as in `contaminates`.
         """
         if fault.unusable != MAG or fault.code not in _REPEATS or fault.since_ns - fed_ns < _SOUND_NS:
             return False

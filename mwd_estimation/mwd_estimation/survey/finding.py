@@ -119,7 +119,7 @@ class Finding:
 
 
 def _known(angles: Array, azimuth: float, sigma: float) -> Array:
-    """Return the density, per rad, of an azimuth with 1 sigma, rad, and a small uniform share for all azimuths."""
+    """Return the density at angles, per rad, of an azimuth with 1 sigma, rad, plus a small uniform density."""
     near = np.exp(-0.5 * (wrap_pi(angles - azimuth) / sigma) ** 2) / (sigma * math.sqrt(math.tau))
     return np.asarray((1.0 - _BROKEN) * near + _BROKEN / math.tau)
 

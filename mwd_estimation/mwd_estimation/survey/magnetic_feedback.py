@@ -131,7 +131,12 @@ def _open(station: Station) -> float:
 
 
 def _of_samples(mean: Array, covariance: Array, reference: Reference) -> tuple[Array, Array]:
-    """Return the shared errors as states of the interference filter: bias, T, scale error, and reference H and V, T."""
+    """
+    Return mean, shape (8,), and covariance, shape (8, 8), of the states of the interference filter.
+
+    The states are bias, T, and scale error of x, y and z, and errors of the reference H and V, T. mean, covariance:
+    those of the shared errors (`RunModel.shared`).
+    """
     to = np.zeros((8, Shared.SIZE))
     for k in range(3):
         to[k, Shared.FIELD_BIAS + k] = UT

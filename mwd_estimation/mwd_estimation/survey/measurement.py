@@ -256,7 +256,11 @@ def _horizontal(readings: StationReadings, reference: Reference | None) -> float
 
 
 def _north(reference: Reference | None, wanted: str, has_field: bool) -> tuple[NorthTurn, tuple[Reason, ...]]:
-    """Return the wanted north; or magnetic north and a reason, if the declination or convergence is not known."""
+    """
+    Return the wanted north; or magnetic north and a reason, if the declination or convergence is not known.
+
+    Without a field (`has_field`), true north needs no declination.
+    """
     north = best_north(reference) if wanted == "best" else wanted
     turn = north_correction(reference, north)
     if turn is not None:

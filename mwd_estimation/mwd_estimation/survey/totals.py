@@ -113,7 +113,9 @@ def deviations(
     """
     Return the deviations of a station's totals from the reference; NaN where the total or the reference is unknown.
 
-    f_h, b_h, shape (3,), m/s^2 and T; covariance_s, shape (6, 6), of both; interference: axial field to subtract, T.
+    f_h, b_h, shape (3,), m/s^2 and T; covariance_s, shape (6, 6), of both; interference: axial field to subtract, T;
+    has_field: whether the field is known. If the deviation from local gravity is above `_NOT_LOCAL` sigmas, it is
+    replaced by the result of `_by_standard`.
     """
     g_total = float(np.linalg.norm(f_h))
     delta_g = math.nan

@@ -108,7 +108,7 @@ def read(angles: Array, density: Array) -> Circle:
 
 
 def _regions(density: Array) -> list[Indices]:
-    """Return the indices of each mode; the circle is cut at the valleys."""
+    """Return the indices of the angles of each mode; the circle is cut at the valleys of `density`, shape (n,)."""
     n, start = len(density), int(np.argmin(density))
     order = (start + np.arange(n)) % n
     cuts, peak, valley, at = [0], -1.0, density[order[0]], 0
@@ -124,7 +124,7 @@ def _regions(density: Array) -> list[Indices]:
 
 
 def _moments(angles: Array, mass: Array, peak: float) -> tuple[float, float, float, float]:
-    """Return probability, mean, sigma and spread of one mode about its peak, rad."""
+    """Return probability, mean, sigma and spread of one mode, rad; mass, shape (n,): probability of each angle."""
     share = float(mass.sum())
     if not share > 0.0:
         return 0.0, float(peak), math.pi, math.pi

@@ -255,7 +255,7 @@ def _gains_at(
     share: Array, least: float, extra: Array, work: tuple[Array, Array, Array], sums: tuple[Array, Array, Array]
 ) -> None:
     """
-    Fill weight (2,), first (2, 4) and second (2, 4, 4) moments of the inverse innovations of a filter at an angle.
+    Fill `sums`: weight (2,), first (2, 4) and second (2, 4, 4) moments of a filter's inverse innovations at an angle.
 
     share (h, j): shares of the points; least and extra: as in `gains`; work: innovation covariance (4, 4), space for
     its inverse (4, 4), and the innovation in the first row of (2, 4).

@@ -160,8 +160,9 @@ class RunFilter:
         """
         Predict the drift of the gyro from the last seek taken to this one, which may be an earlier seek of the run.
 
-        The gyro may begin to drift in this time. The error of a gyro adrift is a constant plus a walk that is zero at
-        the first seek of the run, so that stations may be taken in any order.
+        The gyro may begin to drift between the two seeks. The error of a gyro adrift is a constant plus a walk that is
+        zero at the first seek of the run, so that stations may be taken in any order. age: time of this seek since the
+        first one of the run, h; lasting: 1 sigma of the constant part of the gyro's azimuth error, rad.
         """
         state, adrift = self.state, self.filters.adrift
         if age == state.age:
@@ -413,7 +414,11 @@ class RunFilter:
     def _add_turned(
         self, one: Row, terms: tuple[Array, Array], state: RunState, angles: Array, prior: Array, log: Array
     ) -> None:
-        """Fill the log evidence of a turned field, the last external field of `log`."""
+        """
+        Fill the log evidence of a turned field, the last external field of `log`.
+
+        terms: residual and its covariance, as in `_terms`; prior: as from `_log_prior`; all for the filters in use.
+        """
         gyro, states = self._gyro_states(one, state, angles)
         r, S = terms
         field = log[:, :, 0, -1] - states[:, -1:] - prior[:, 0] + prior[:, -1]
