@@ -27,7 +27,11 @@ class Blade:
 
 @dataclass(frozen=True)
 class Component:
-    """One component of the assembly."""
+    """
+    One component of the assembly, such as the bit, a motor or a collar.
+
+    Raises ValueError if the inner diameter is not smaller than the outer one, or a blade is beyond the length.
+    """
 
     name: str = setting(doc="Name of the component.")
     length_m: float = setting(doc="Length in the assembled (made-up) string.", unit="m", low=0.05, high=2000.0)
@@ -75,7 +79,12 @@ class Component:
 
 @dataclass(frozen=True)
 class Assembly:
-    """An assembly in its hole."""
+    """
+    A bottom-hole assembly in its hole.
+
+    Raises ValueError without components, if a component or blade is wider than the hole, or if the sensors are above
+    the assembly.
+    """
 
     hole_mm: float = setting(doc="Diameter of the hole.", unit="mm", low=50.0, high=1200.0)
     sensor_m: float = setting(doc="Distance of the survey sensors from the bit.", unit="m", low=0.0, high=500.0)
