@@ -89,7 +89,7 @@ def run(
 
 
 def propagated_azimuth(state: Samples) -> PropagatedAzimuth:
-    """Return the azimuths propagated to the last processed bin."""
+    """Return the azimuths propagated to the last processed bin; state: as in `run`."""
     propagated = np.full(1, np.nan, dtype=PROPAGATED_AZIMUTH)
     _write_propagated(state[0], propagated[0])
     return PropagatedAzimuth(*propagated[0].item())

@@ -83,11 +83,16 @@ class MagneticAzimuths:
 
     @property
     def has_reference(self) -> bool:
-        """Whether there is a reference field."""
+        """Whether there is a reference with a field."""
         return self._state is not None
 
     def update(self, station: StationUpdate | None) -> None:
-        """Use the interference and the gyro azimuth found at a station; do nothing if `station` is None."""
+        """
+        Use the interference and the gyro azimuth found at a station; do nothing if `station` is None.
+
+        If an accepted station contradicts the estimated interference, the estimate restarts first. The interference
+        from the stations replaces the estimate only if its axial variance is smaller.
+        """
         state = self._state
         if station is None or state is None or self._reference is None:
             return
