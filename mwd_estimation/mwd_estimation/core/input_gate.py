@@ -93,7 +93,7 @@ class InputGate:
         return self._vector(samples, "magnetic_field", MAG)
 
     def precision(self, samples: Samples) -> Samples:
-        """Return samples of the precision unit, with NaN beyond the gate."""
+        """Return samples of the precision unit (fields of `wire.IMU`), with NaN beyond the gate."""
         samples = self._vector(samples, "angular_velocity", PRECISION_GYRO)
         return self._vector(samples, "linear_acceleration", PRECISION_ACCEL)
 
