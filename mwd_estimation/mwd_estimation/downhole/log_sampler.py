@@ -107,7 +107,11 @@ class LogSampler:
             self._waiting[stream].append(samples)
 
     def advance(self, attitude: Samples) -> list[LogSample]:
-        """Add rows of `wire.ATTITUDE` in order; return the log samples now complete. Restart if time goes back."""
+        """
+        Add rows of `wire.ATTITUDE` in order; return the log samples that are now complete.
+
+        If time goes back by more than a second, the samples of the earlier time are completed and the sampler restarts.
+        """
         found: list[LogSample] = []
         stamps = attitude["stamp_ns"]
         while len(stamps):
