@@ -56,7 +56,7 @@ RECORD = dtype_of(AccelerometerRecord)
 
 
 def initial(params: AccelerometerParams) -> State:  # noqa: ARG001  (every method has this signature)
-    """Return the state before the first sample."""
+    """Return the state before the first sample, shape (1,), dtype RECORD."""
     state = np.zeros(1, RECORD)
     state["down"] = np.nan
     return state

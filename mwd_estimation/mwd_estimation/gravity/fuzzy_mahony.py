@@ -61,7 +61,7 @@ class MahonyParams(NamedTuple):
 
 
 class MahonyRecord:
-    """State of the filter."""
+    """State of the filter of S3."""
 
     #: `clock`, `motion`: common to all methods, kept by `track.admit` and `track.follow_motion`.
     clock: track.TrackClock
@@ -92,7 +92,7 @@ RECORD = dtype_of(MahonyRecord)
 
 
 def initial(params: MahonyParams) -> State:  # noqa: ARG001  (every method has this signature)
-    """Return the state before the first sample."""
+    """Return the state before the first sample, shape (1,), dtype RECORD."""
     state = np.zeros(1, RECORD)
     state["down"] = np.nan
     state["sigma"] = math.pi

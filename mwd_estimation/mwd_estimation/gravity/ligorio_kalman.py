@@ -58,7 +58,7 @@ class LigorioParams(NamedTuple):
 
 
 class LigorioRecord:
-    """State of the filter."""
+    """State of the linear Kalman extraction."""
 
     #: `clock`, `motion`: common to all methods, kept by `track.admit` and `track.follow_motion`.
     clock: track.TrackClock
@@ -80,7 +80,7 @@ RECORD = dtype_of(LigorioRecord)
 
 
 def initial(params: LigorioParams) -> State:
-    """Return the state before the first sample."""
+    """Return the state before the first sample, shape (1,), dtype RECORD."""
     state = np.zeros(1, RECORD)
     state["gravity"] = np.nan
     state["p_gg"] = (math.pi * params.gravity) ** 2

@@ -184,7 +184,7 @@ def _take_mag(f: Field, mag: MagneticSamples, stamp_ns: int) -> None:
 
 @compiled
 def _publish(s: BoundedRecord) -> int:
-    """Set gravity, and its sigmas while there is no attitude; return status bits."""
+    """Set gravity, and the sigmas while there is no attitude; return the bits of `Status` from the filter."""
     if s.started:
         for j in range(3):
             s.g_t[j] = s.C[2, j]

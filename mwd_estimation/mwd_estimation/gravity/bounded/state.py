@@ -234,7 +234,7 @@ class RecentUpdates(Ring):
 
 
 class BoundedRecord:
-    """State of the filter that the kernels change."""
+    """State of the bounded filter, which the kernels change."""
 
     q: Annotated[Array, 4]
     """Quaternion from tool to level axes (x, y, z, w); the heading is arbitrary."""
@@ -405,7 +405,7 @@ def initial(params: BoundedParams) -> BoundedState:
 
 
 class Log(NamedTuple):
-    """Trace of a block of samples."""
+    """Trace of the m updates of the covariance in a block of n samples, for the smoother."""
 
     entries: NDArray[np.int64]  #: int64, shape (1,); number of updates written
     updates: Any  #: structured ndarray of `Update`, shape (m,); if this array is empty, no trace is written
