@@ -56,7 +56,7 @@ _ANOTHER_ATTITUDE = math.radians(15.0)
 
 
 def initial() -> SeekState:
-    """Return the state before the first sample."""
+    """Return the state before the first sample, a record of dtype STATE."""
     state = cast(SeekState, np.zeros(1, STATE)[0])
     state.mat[:] = np.eye(3)
     return state

@@ -104,7 +104,7 @@ class SeekSums:
 
 
 class SeekState:
-    """State of the filter."""
+    """State of the filter of a north seek (`seek_filter`)."""
 
     clock: track.TrackClock  #: clock for `mwd_estimation.core.track.admit`
     mat: Annotated[Array, 3, 3]  #: rotation matrix from tool to level axes

@@ -60,7 +60,7 @@ Error = StaticErrors()
 
 
 class StaticState:
-    """State of the filter."""
+    """State of the filter of S1."""
 
     clock: track.TrackClock  #: clock for `mwd_estimation.core.track.admit`
     aligned: bool  #: whether the coarse alignment is done
@@ -114,7 +114,7 @@ class StaticNorth(NamedTuple):
 
 
 def initial() -> StaticState:
-    """Return the state before the first sample."""
+    """Return the state before the first sample, a record of dtype STATE."""
     return cast(StaticState, np.zeros(1, STATE)[0])
 
 
