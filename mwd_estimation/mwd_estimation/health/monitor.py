@@ -96,7 +96,7 @@ class MonitorState:
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """Result for one block."""
+    """Health of the sensors at each of n samples of a block, and the faults that changed."""
 
     unusable: NDArray[np.uint8]  #: uint8, shape (n,); bits GYRO, ACCEL, MAG of the unusable sensors at each sample
     #: uint8, shape (n,); bits of the sensors that are doubtful at each sample, but not faulty yet.

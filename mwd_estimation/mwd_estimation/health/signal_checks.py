@@ -107,7 +107,7 @@ class SignalLimits(NamedTuple):
 
 
 def blank() -> Any:
-    """Return nine channels before the first sample."""
+    """Return nine channels before the first sample, dtype CHANNEL: gyro, accelerometer, magnetometer, each x, y, z."""
     channels = np.zeros(9, dtype=CHANNEL)
     channels["last"], channels["least_step"] = math.nan, math.inf
     return channels
@@ -162,7 +162,7 @@ def summarise(channels: Any) -> None:
 
 @compiled
 def _motion(p: SignalLimits, channels: Any) -> tuple[bool, bool]:
-    """Return whether the gyro and the accelerometer show that the tool moves."""
+    """Return two flags: whether the gyro shows that the tool moves, and whether the accelerometer shows it."""
     gyro, accel = False, False
     for c in range(6):
         row = channels[c]

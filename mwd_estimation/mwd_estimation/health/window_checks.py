@@ -300,7 +300,11 @@ class WindowJudge:
         return by_force & by_field
 
     def _dips(self) -> tuple[Array, float]:
-        """Return the dip, rad, with each of MISTAKES corrected, shape (141,), and with the present axes; or NaN."""
+        """
+        Return the dip, rad, with each of MISTAKES corrected, shape (141,), and the dip with the present axes.
+
+        A dip is NaN if the mean product of force and field is impossible for their lengths.
+        """
         product = self._window.product
         of_force = np.einsum("krc,rc->k", _MATRICES, product)
         of_field = np.einsum("krc,cr->k", _MATRICES, product)
