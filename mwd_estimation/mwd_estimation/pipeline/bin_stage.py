@@ -151,7 +151,7 @@ class BinStage:
         return self.decision.rotary(average, self._numbering.next(), self._reference(average), rotary_speed)
 
     def _reference(self, average: StillAverage) -> Reference | None:
-        """Return the reference with the observatory's external field at the middle of an average; None if unknown."""
+        """Return the reference with the external field at the middle of an average, as `Observatory.at`; or None."""
         return self._observatory.at(self._field.reference, (average.start_ns + average.end_ns) // 2)
 
     def _doubt(self, stretch: UsableStretch, start: int, stop: int) -> None:

@@ -91,7 +91,11 @@ class Pipeline:
         self.reset()
 
     def reset(self) -> None:
-        """Restart the estimate; keep only settings, counters and the survey numbering."""
+        """
+        Restart the estimate, and discard the times of the streams.
+
+        Settings, mount, counters, survey numbering, a given reference and stated noise are kept.
+        """
         self._clocks = Clocks()
         self._begin_anew()
 
@@ -232,7 +236,7 @@ class Pipeline:
         return self._estimate.finish()
 
     def revisions(self) -> dict[int, DecidedSurvey]:
-        """Return the surveys, by number, whose values later surveys changed; the published values stay unchanged."""
+        """Return the surveys, by number, whose result has changed since publication; see `SurveyDecision.revisions`."""
         return self._estimate.bin_stage.decision.revisions()
 
     def judging_again(self, newest: int) -> Callable[[], dict[int, DecidedSurvey]]:
