@@ -431,7 +431,7 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
 
 
 def station_priors(settings: EstimatorSettings) -> Priors:
-    """Return the probability of each disturbance of a station before any reading."""
+    """Return the prior probabilities of the disturbances of a station; two of them are raised for a string of steel."""
     external = settings.verdict.external_field
     if settings.tool.string != "steel":
         return Priors(external=external)

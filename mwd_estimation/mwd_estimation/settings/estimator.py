@@ -52,7 +52,7 @@ class Gravity:
     expert: Any = setting(None, "Parameters of the selected method.", expert=True)
 
     def __post_init__(self) -> None:
-        """Convert `expert` to the parameters of the selected method, with their defaults."""
+        """Convert `expert` to the parameters of the selected method, with defaults; errors as in `from_mapping`."""
         kind, given = EXPERT.get(self.method, NoExpert), self.expert
         if given is not None and not isinstance(given, (kind, Mapping)):
             given = to_mapping(given)
