@@ -104,7 +104,7 @@ class FaultHistory:
         return first - fault.since_ns < _IN_TIME_NS and last >= fault.since_ns
 
     def readable(self, still: StillAverage) -> StillAverage:
-        """Return the average without the magnetometer if the magnetometer was faulty at that time."""
+        """Return the average, without the magnetometer if it was faulty at a time after the average began."""
         faulty = any(one.unusable & MAG for one in self._lately(still.start_ns))
         return dataclasses.replace(still, mag=None) if faulty else still
 

@@ -89,7 +89,7 @@ def _in_any_order(taken: Sequence[Taken], settings: StationSettings) -> list[Tak
 
 
 def is_outlier(finding: Finding | None) -> bool:
-    """Return whether a station probably had another field than the other stations of its run."""
+    """Return whether a station probably had an external field, unlike its run; False if `finding` is None."""
     return finding is not None and finding.hypotheses.get(Hypothesis.EXTERNAL, 0.0) > _OUTLIER
 
 

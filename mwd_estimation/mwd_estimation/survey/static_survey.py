@@ -114,7 +114,7 @@ class StillSurvey:
 
     @property
     def waited_s(self) -> float:
-        """Time for which a survey with enough samples has waited for the gyro, s."""
+        """Time for which a survey with enough samples has waited for the gyro, s; 0 if no survey waits."""
         return 0.0 if self.waits_for is None else (len(self._run) - self._needed()) * _BIN_S
 
     @property

@@ -159,14 +159,14 @@ class Survey(MessageRecord):
 
     @property
     def toolfaces(self) -> tuple[float | None, float | None]:
-        """Gravity and magnetic toolface, rad; None if not measured, as for a rotating tool."""
+        """Gravity and magnetic toolface, rad; both None for a rotating tool, the second None without an azimuth."""
         if self.kind == ROTARY or not self.has_readings:
             return None, None
         return self.gravity_toolface, self.magnetic_toolface if self.has_azimuth else None
 
     @property
     def has_reference(self) -> bool:
-        """Whether a reference field was configured."""
+        """Whether the reference field is known."""
         return math.isfinite(self.b_reference)
 
     @property
