@@ -41,7 +41,7 @@ class HeatedSigmas:
 
     def widen(self, attitude: Samples, gravity: Samples, reference: Reference | None) -> None:
         """
-        Increase the sigmas of rows in place.
+        Increase the sigmas of rows in place by the bias expected at the temperature of the tool.
 
         While the tool turns, part of the error averages out. This effect is ignored: the sigmas are then too large.
 
