@@ -91,7 +91,7 @@ class Reference:
     observatory: str = ""
 
     def __post_init__(self) -> None:
-        """Raise ValueError for values that are impossible on the Earth, or if only one of strength and dip is given."""
+        """Raise ValueError for an impossible value, a negative sigma, or if only one of strength and dip is given."""
         for name in ("total", "dip", "declination", "convergence", "gravity"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
