@@ -80,7 +80,12 @@ def of_dynamics(row: Samples) -> Readings:
 
 
 def of_survey(survey: DecidedSurvey) -> Readings:
-    """Return the readings of a survey taken at rest, without the azimuth if the survey withholds it."""
+    """
+    Return the readings of a survey taken at rest, without quantities whose value is unknown (None or NaN).
+
+    The azimuth refers to magnetic north and is left out if the angle to magnetic north is unknown. If the azimuth was
+    corrected for the axial field of the string, dip and total field are also without this field.
+    """
     station, stamp = survey.station, survey.stamp_ns
     variance = np.asarray(station.covariance, dtype=float)
     found: Readings = {}
