@@ -490,7 +490,11 @@ class RecordingGate:
         return {topic: samples[samples["stamp_ns"] >= begin_ns.get(topic, 0)] for topic, samples in waiting.items()}
 
     def _recorded_from(self) -> tuple[dict[str, int], list[str]]:
-        """Return the first recorded stamp, ns, of each topic with samples, and the topics that the recorder lacks."""
+        """
+        Return the first recorded stamp, ns, of each topic with samples, and the full names of the topics not recorded.
+
+        If a recorder runs and its first status has not arrived, the only name is that of the recorder topic.
+        """
         if self._first_ns is None:
             recorder = self._node.resolve_topic_name("recorder")
             # Either no recorder runs, or its first status has not arrived yet.

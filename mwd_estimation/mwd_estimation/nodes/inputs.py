@@ -227,7 +227,7 @@ class InputTopics:
         self._transforms_seen += 1
 
     def diagnostic(self, topic: str, count: int, level: bytes) -> Diagnostic:
-        """Return the state of one topic; count: number of samples used; level: level while the topic is silent."""
+        """Return the diagnostic of one topic; count: number of samples used; level: level while the topic is silent."""
         values: tuple[tuple[str, str], ...] = (("messages", str(count)), ("frame", self.frames.get(topic, "")))
         if not self.silent(topic):
             rate_hz = self._rates[topic].hz
