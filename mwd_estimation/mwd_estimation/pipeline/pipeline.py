@@ -284,7 +284,7 @@ class Pipeline:
         return self._numbering.last
 
     def continue_numbering(self, last: int) -> None:
-        """Number the next survey after `last`, the last number of an earlier process."""
+        """Number the next survey after `last`, the last number of an earlier process; numbers never go back."""
         self._numbering.last = max(self._numbering.last, last)
 
     @property
