@@ -191,7 +191,7 @@ class SurveyDecision:
         Return the surveys whose result has changed since they were published.
 
         A result has changed if the verdict differs, or the azimuth differs by more than its sigma. A survey is rejected
-        if a sensor fault that still lasts began before the survey.
+        and withdrawn if a sensor fault that still lasts began before the survey.
 
         Returns
         -------
