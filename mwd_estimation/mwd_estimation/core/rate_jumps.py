@@ -57,7 +57,7 @@ class RateJumps:
 
     def without(self, stamps: Stamps, gyro: Array) -> Array:
         """
-        Return the rates, with NaN for all axes of each doubted sample; the given array is not changed.
+        Return a copy of the rates with NaN for all axes of each doubted sample, or `gyro` itself if there is none.
 
         Parameters
         ----------

@@ -48,7 +48,7 @@ class StampJitter:
         self._state = np.zeros(1, dtype=JITTER_STATE)
 
     def sigma(self, stamps: Stamps) -> Array:
-        """Return 1 sigma of the error of each stamp, s, shape (n,), 0 before 50 steps are known; stamps: ns, (n,)."""
+        """Add stamps, ns, (n,); return 1 sigma of the error of each, s, (n,), which is 0 before 50 steps are known."""
         sigma: Array = _run(self._state[0], stamps)
         return sigma
 
