@@ -386,7 +386,7 @@ def forget_innovations(s: BoundedRecord) -> None:
 
 @compiled
 def forget_density(s: BoundedRecord) -> None:
-    """Reset the statistics of the innovations, because new errors were just added to P."""
+    """Reset the statistics of the innovations and `Meaning.effect`, because new errors were just added to P."""
     forget_innovations(s)
     s.innovations.density[:] = 1.0
     s.meaning.effect[:] = 0.0
