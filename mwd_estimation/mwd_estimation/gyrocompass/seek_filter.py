@@ -277,7 +277,11 @@ def reset(s: SeekState) -> None:
 def advance(
     p: KernelParams, s: SeekState, work: SeekWork, stamps: Stamps, gyro: Array, accel: Array, clipped: NDArray[np.uint8]
 ) -> None:
-    """Process samples as in `north_seek.run`: call `sample` for each, with a Kalman step at the end of each block."""
+    """
+    Process samples as in `north_seek.run`: call `sample` for each, with a Kalman step at the end of each block.
+
+    The seek begins anew after a gap, or if the tool sways. A sample whose stamp is refused is left out.
+    """
     for i in range(len(stamps)):
         w, f = gyro[i], accel[i]
         last = s.clock.last_ns
