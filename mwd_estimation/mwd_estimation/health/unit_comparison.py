@@ -271,7 +271,7 @@ class PrecisionHealth:
 
     def judge(self, end_ns: int, still: bool, samples: tuple[Stamps, Array]) -> list[SensorFault]:
         """
-        Check the half second up to `end_ns`, ns; return the faults that began or ended.
+        Check the half second up to `end_ns`, ns; return the faults that began or ended (none before the first sample).
 
         still is True if the conventional unit finds the tool at rest; samples are stamps, ns, shape (n,), and values,
         shape (n, 6).
