@@ -121,7 +121,7 @@ class EstimatorActions:
         self._north = self._rotary = None
 
     def finish_north_seek(self, solution: Solution) -> None:
-        """Finish the north seek with the pipeline's solution."""
+        """Finish the goal of the north seek, if there is one, with the pipeline's solution."""
         goal, self._north = self._north, None
         if goal is not None:
             goal.finish(_north(solution) if solution.reason is None else _no_north(text(solution.reason)))

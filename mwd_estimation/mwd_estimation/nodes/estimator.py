@@ -84,7 +84,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         )
 
     def configure(self) -> None:
-        """Compile the kernels and open the topics."""
+        """Compile the kernels, make the pipeline, and open topics, services, actions and timers."""
         self.prepare(lambda: warm_up(self.settings))
         self._inputs = InputTopics(self)
         self._mount_key = self._inputs.mount_key
@@ -162,7 +162,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     # Subscriptions.
 
     def _on_surveys(self, table: SurveyList) -> None:
-        """Continue the numbering of an estimator that ran before this one."""
+        """Number the next survey after the highest number in the table, which may be from an earlier estimator."""
         self._pipeline.continue_numbering(max((record.survey.sequence for record in table.records), default=0))
 
     def _estimate_block(self) -> None:
