@@ -101,7 +101,8 @@ class PrecisionUnitStage:
         """
         Close one bin and return its samples and health.
 
-        If the unit has no fault, the samples are used for the north seek at the station.
+        If the unit is faulty, the rates and accelerations of its samples become NaN; otherwise the samples are used for
+        the north seek at the station.
         imu : bin of the conventional unit. still_bins : number of bins for which the tool has been still.
         """
         end_ns = (imu.index + 1) * BIN_NS
