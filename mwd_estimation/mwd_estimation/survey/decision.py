@@ -310,7 +310,11 @@ def _by_gyro(gyro: Solution | None, station: Station, azimuths: tuple[MethodAzim
 
 
 def _known_of(provisional: Provisional, propagated: PropagatedAzimuth) -> tuple[float, float, float] | None:
-    """Return the azimuth propagated from the station above, as in `Finding.continued`; None if there is none."""
+    """
+    Return azimuth, sigma and common variance as `Finding.continued` needs them, from the station above.
+
+    Return None if no azimuth with a sigma was propagated, or the survey was not taken at rest.
+    """
     azimuth, sigma = propagated.station_azimuth, propagated.station_sigma
     if not (math.isfinite(azimuth) and sigma > 0.0) or provisional.survey.kind != STATIC:
         return None

@@ -124,7 +124,12 @@ def _regions(density: Array) -> list[Indices]:
 
 
 def _moments(angles: Array, mass: Array, peak: float) -> tuple[float, float, float, float]:
-    """Return probability, mean, sigma and spread of one mode, rad; mass, shape (n,): probability of each angle."""
+    """
+    Return the probability of one mode, its mean, its sigma, and its spread (rms distance from mean, at least sigma).
+
+    Angles in rad; mass, shape (n,): probability of each angle; peak: angle of the highest density. If the probability
+    is 0, the mean is the peak, and sigma and spread are pi.
+    """
     share = float(mass.sum())
     if not share > 0.0:
         return 0.0, float(peak), math.pi, math.pi
