@@ -41,7 +41,7 @@ LIKE_GRAVITY = 0.5  # m/s^2, largest difference in length between gravity and a 
 
 @compiled
 def begin(s: BoundedRecord) -> None:
-    """Restart attitude, velocity and position; keep the estimated sensor errors."""
+    """Restart attitude, velocity and position, and begin a new epoch; keep the estimated sensor errors."""
     mechanisation.clear_sums(s.sums)
     accelerometer_errors.begin(s)
     for j in range(ERRORS):
