@@ -64,7 +64,7 @@ class _Cost:
         self._horizontal = horizontal
 
     def distances(self, angle: Array) -> Array:
-        """Return the squared distance of each Gaussian from the circle at these angles, rad; shape (k, n)."""
+        """Return the squared distance, in sigmas, of each Gaussian from the circle at the angles, rad; shape (k, n)."""
         d_n = self._horizontal * np.cos(angle) - self._north
         d_e = -self._horizontal * np.sin(angle) - self._east
         return np.asarray(self._nn * d_n * d_n + 2.0 * self._ne * d_n * d_e + self._ee * d_e * d_e)
