@@ -148,7 +148,11 @@ def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: flo
 
 @compiled
 def summarise(channels: Any) -> None:
-    """Compute mean, standard deviation and number of constant half seconds of every channel."""
+    """
+    Compute mean and standard deviation of every channel (0 without samples), and count its constant half seconds.
+
+    A half second with fewer than `_SOME` samples leaves the count unchanged.
+    """
     for c in range(9):
         row = channels[c]
         row.mean = row.spread = 0.0
@@ -223,10 +227,11 @@ def _judge_axis(
     p: SignalLimits, checks: Any, channels: Any, k: int, moves: bool, whole: bool, limit: float, began: int
 ) -> bool:
     """
-    Check whether axis k (0 to 8) is stuck or at the end of its range; return True if the axis is doubtful.
+    Record whether axis k (0 to 8) is stuck or at the end of its range; return True if the axis is doubtful.
 
-    moves: whether gyro or accelerometer detect motion; whole: whether all axes of the sensor repeat; limit: end of the
-    range, SI; began: start of the half second, ns.
+    With fewer than `_SOME` samples nothing is recorded, and the result is False. moves: whether gyro or accelerometer
+    detect motion; whole: whether all axes of the sensor repeat; limit: end of the range, SI; began: start of the half
+    second, ns.
     """
     row, s, doubtful = channels[k], k // 3, False
     if row.n < _SOME:

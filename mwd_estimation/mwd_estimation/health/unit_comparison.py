@@ -110,7 +110,7 @@ def _judge_samples(unit: UnitRecords, limits: signal_checks.SignalLimits, began:
 @compiled
 def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
     """
-    Compare the axes of sensor s (0 gyro, 1 accelerometer) with those of the conventional unit.
+    Compare the axes of sensor s (0 gyro, 1 accelerometer) with those of the conventional unit; record the observations.
 
     began: start of the half second, ns; sound: whether the conventional unit can be used.
     """
