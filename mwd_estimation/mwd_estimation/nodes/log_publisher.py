@@ -32,7 +32,7 @@ class LogPublisher:
         self._publisher = node.add_publisher(LogMessage, "log", qos.EVENT)
 
     def push_temperature(self, samples: Samples) -> None:
-        """Add samples of `wire.TEMPERATURE` that have passed the gate."""
+        """Add samples of `wire.TEMPERATURE` that the input gate has accepted."""
         self._sampler.push("temperature", samples)
 
     def take(self, output: Output, frame: str) -> Running:

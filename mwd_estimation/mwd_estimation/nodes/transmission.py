@@ -62,10 +62,10 @@ class TransmissionPublisher:
 
     def take(self, imu: Samples, output: Output, pipeline: Pipeline, running: Running, frame: str) -> None:
         """
-        Accept a block of samples and its results, and publish the words that the tool transmitted.
+        Accept a block of samples and its results, and publish what the tool transmitted (sync, header, words).
 
-        imu: samples of the conventional unit in axes of the unit; running: running means of the log channels; frame:
-        frame id of the messages.
+        The transmitters begin anew if time was set back. imu: samples of the conventional unit in axes of the unit;
+        running: running means of the log channels; frame: frame id of the messages.
         """
         if not self._transmitters:
             return
