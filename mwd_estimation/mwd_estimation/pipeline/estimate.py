@@ -262,10 +262,11 @@ class Estimate:
 
     def _measure_delay(self, stretch: UsableStretch, track: Track, rate_x: Array, later: NDArray[np.bool_]) -> None:
         """
-        Pass gravity and the rate about x to the measurement of the delay of the magnetometer's stamps.
+        Measure the delay of the magnetometer's stamps with gravity and the rate about x.
 
-        rate_x, shape (n,): rad/s, NaN while the gyro must not be used; later, shape (n,): whether a stamp is later than
-        all before.
+        Samples are left out while gyro or accelerometer is doubtful. When the gyro becomes unusable, the measurement
+        begins anew. rate_x, shape (n,): rad/s, NaN while the gyro must not be used; later, shape (n,): whether a stamp
+        is later than all before.
         """
         usable = stretch.unusable & GYRO == 0
         if self._gyro_usable and not usable:
@@ -283,7 +284,11 @@ class Estimate:
             self._shift_mag(self._delay.judge(span * SPAN_NS))
 
     def _shift_mag(self, late_ns: int) -> None:
-        """Add `late_ns` to the delay of magnetic samples, and correct the stamps of waiting samples too."""
+        """
+        Add `late_ns` to the delay of magnetic samples, and subtract it from the stamps of waiting ones.
+
+        The estimate of the interference is discarded. Nothing changes if `late_ns` is 0.
+        """
         if late_ns:
             self.mag_late_ns += late_ns
             # Wait longer by the delay, so that the pairing of IMU and magnetic samples does not depend on arrival

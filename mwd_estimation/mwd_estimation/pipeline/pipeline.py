@@ -207,10 +207,10 @@ class Pipeline:
 
     def _set_noise(self, stated: Mapping[str, StatedNoise], output: Output) -> None:
         """
-        Use the noise stated by covariances if it is larger than that of the tool's settings; then restart the estimate.
+        Use the noise stated by covariances if it is larger than that of the tool's settings.
 
-        The new estimate processes the kept samples again. They were already output and counted, so they give no further
-        rows and the counters are restored.
+        If this changes the settings, requests end and the estimate restarts. The new estimate processes the kept
+        samples again. They were already output and counted, so they give no further rows and the counters are restored.
         """
         self._onset.count(stated)
         settings, self.noise_notes = with_noise(self.settings, stated)
