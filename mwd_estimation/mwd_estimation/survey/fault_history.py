@@ -65,7 +65,11 @@ class FaultHistory:
         self._known[change.check] = change
 
     def doubt(self, stamps: Stamps, suspect: NDArray[np.uint8]) -> None:
-        """Record doubts: stamps, ns, shape (n,), and bits of the sensors in doubt at each sample, shape (n,)."""
+        """
+        Record doubts and keep them for `_KEPT_NS`; doubts at most `_EVIDENCE_NS` apart count as one.
+
+        stamps: ns, shape (n,); suspect, shape (n,): bits of the sensors in doubt at each sample.
+        """
         for s in range(3):
             hit = stamps[suspect >> s & 1 != 0]
             if not len(hit):
