@@ -42,7 +42,7 @@ class Numbering:
     last: int = 0
 
     def next(self) -> int:
-        """Increase the number, and return it."""
+        """Return the number of the next survey, and count it as published."""
         self.last += 1
         return self.last
 
