@@ -160,8 +160,9 @@ def _check_with_place(place: Place, first_ns: int) -> None:
     """
     Refuse a fixed field that is impossible at the position, for example because of a wrong sign or unit of measurement.
 
-    first_ns: stamp of the first sample, ns, which gives the date. A wrong declination makes surveys wrong by the same
-    angle, and no measurement in the hole shows the error.
+    first_ns: stamp of the first sample, ns, which gives the date. Without a latitude or a dip nothing is checked;
+    without a longitude only the sign of the dip. A wrong declination makes surveys wrong by the same angle, and no
+    measurement in the hole shows the error.
 
     Raises
     ------
