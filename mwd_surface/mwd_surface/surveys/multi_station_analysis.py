@@ -5,8 +5,8 @@ Multi-station analysis: errors of the sensors and drill-string interference from
 Gravity and the Earth's field are the same at every station: total gravity, horizontal and downward field. Errors of the
 tool, which stay with its axes, change the measured values from station to station as the tool rotates and the hole
 bends: bias and scale of each magnetometer (axial interference is a bias of the axial one) and of each accelerometer.
-They are estimated together with the errors of the reference, each with a prior from the tool code, by nonlinear least
-squares:
+These errors are estimated together with the errors of the reference by nonlinear least squares; each error has a prior,
+from the tool code or from the sigmas of the reference:
 
     b = B-true + bias + scale b,   f = F-true + bias + scale f
     residual = (|f|, H, V)(f - ..., b - ...) - reference - error of the reference
@@ -136,7 +136,12 @@ class _ErrorFit:
 
 
 def _fitted(problem: StationsProblem) -> _ErrorFit:
-    """Fit the errors without outliers, which are dropped one by one; scale the noise if there are enough stations."""
+    """
+    Return the fit of the errors to the stations that are not outliers.
+
+    The worst outlier is dropped until none is left, at most a quarter of the stations is dropped, and at least three
+    remain. With at least `_MANY` stations the noise is scaled to the residuals before the last fit.
+    """
     n = len(problem.f)
     used = np.ones(n, dtype=bool)
     while True:

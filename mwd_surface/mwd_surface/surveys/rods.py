@@ -89,7 +89,7 @@ class RodTally:
         Raises
         ------
         ValueError
-            The length is not positive, or there are too many rods.
+            The length is not positive or above 30 m, there are too many rods, or the operator is empty.
         """
         _check_length(length)
         return self._with((*self.lengths, length), ADD, length, stamp_ns, operator, reason)
@@ -101,7 +101,7 @@ class RodTally:
         Raises
         ------
         ValueError
-            There is no rod in the hole.
+            There is no rod in the hole, or the operator is empty.
         """
         if not self.lengths:
             raise ValueError(
@@ -116,7 +116,7 @@ class RodTally:
         Raises
         ------
         ValueError
-            There is no reason, or the count or the length of a rod is not possible.
+            The reason or the operator is empty, or the count or the length of a rod is not possible.
         """
         _check_length(length)
         if not plain(reason):
@@ -147,7 +147,7 @@ def _check_length(length: float) -> None:
 
 def disagreement(tally: RodTally, bit_depth: float, length: float, rods: float = 0.5) -> str:
     """
-    Return a sentence if the depths of tally and rig differ by `rods` rods or more; otherwise an empty text.
+    Return a sentence if the depths of tally and rig differ by `rods` rods or more; otherwise, or if unknown, empty.
 
     bit_depth: bit depth of the rig, m. length: length of a rod, m. rods: smallest difference that is reported, in rod
     lengths.
@@ -214,7 +214,9 @@ class RodLog:
 
     def read(self, first: float) -> tuple[RodTally, int]:
         """
-        Return tally and number of unreadable lines as `read_log`; first: bit depth without a rod, m.
+        Return the tally and the number of unreadable lines, as `read_log`; an empty tally if there is no file.
+
+        first: bit depth without a rod, m.
 
         Raises
         ------

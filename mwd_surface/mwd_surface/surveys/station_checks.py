@@ -223,7 +223,11 @@ def withdrawal(record: SurveyRecord) -> str:
 
 
 def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: float | None) -> Definitive:
-    """Return the path of a leg through its parents, from the stations `used`, projected to bit_depth, m, if given."""
+    """
+    Return the path of a leg through its parents, from the stations `used`, projected to bit_depth, m, if given.
+
+    Raises ValueError if the path cannot be computed, or if a parent does not exist.
+    """
     t = leg.tie_on
     own = sorted((r for r in used if r.leg == leg.name), key=lambda r: r.measured_depth)
     md, inc, azi = [t.measured_depth], [t.inclination], [t.azimuth]
@@ -268,8 +272,9 @@ def tie_on_assumptions(
     """
     Return the assumptions of a tie-on about the hole above the first station.
 
-    There are none if a person, a list or another leg gave the tie-on, or if the first station is near the wellhead,
-    within the gap and dogleg limits that cause no warning.
+    A tie-on given with only a depth and a direction has one assumption: its position. A default tie-on at the wellhead
+    has one, unless there is no station yet or the first station lies within the gap and dogleg limits of `rules`. Any
+    other tie-on has none.
 
     Parameters
     ----------

@@ -64,7 +64,11 @@ class Line:
         self.north = north if self.survey.azimuth_from(north) is not None else self._own
 
     def __getattr__(self, name: str) -> Any:
-        """Return the azimuth by a method (`by_gyro`), or a component of a mean reading (`specific_force_x`)."""
+        """
+        Return the estimate of the azimuth by a method (`by_gyro`), or a component of a reading (`specific_force_x`).
+
+        Raises AttributeError for any other name.
+        """
         if name.startswith("by_"):
             return self._by(name.removeprefix("by_"))
         vector, _, axis = name.rpartition("_")

@@ -32,7 +32,7 @@ VERSION = 1
 
 
 class StoreError(RuntimeError):
-    """Raised if the folder cannot be used: it is not writable, or another process keeps its list there."""
+    """Raised if the folder is not writable, a list cannot be saved, or another process keeps its list there."""
 
 
 @dataclasses.dataclass(frozen=True)

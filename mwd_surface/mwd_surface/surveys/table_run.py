@@ -138,7 +138,8 @@ def _multi_station(
     """
     Return azimuths by multi-station analysis, by index of the station.
 
-    at: indices of the stations to use. The result is empty unless all of these have the same reference field.
+    at: indices of the stations to use. The result is empty if fewer than three of these have a field reading, or if
+    they do not all have the same reference field.
     """
     read = [(k, own[k].readings, own[k].station) for k in at]
     usable = [(k, readings, station) for k, readings, station in read if readings is not None and readings.has_field]
