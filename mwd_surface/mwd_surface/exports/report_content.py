@@ -79,7 +79,11 @@ def positions(table: SurveyTable) -> Section | None:
 
 
 def programme(table: SurveyTable) -> Section | None:
-    """Return the section with the survey programme that gives the position uncertainty; None without a programme."""
+    """
+    Return the section with the survey programme that gives the position uncertainty.
+
+    None if neither programme nor tool code is set, or if the programme file cannot be used.
+    """
     try:
         found = programme_of(table.surveys.well)
     except ProgrammeError:
@@ -163,7 +167,7 @@ class Content:
         return tuple(sheet for section in self.sections for sheet in section.sheets)
 
     def words(self) -> Iterator[str]:
-        """Return every text of the report except those in drawings."""
+        """Yield every text of the report, except the texts inside drawings."""
         yield from (
             self.title,
             self.certificate,
@@ -234,7 +238,7 @@ def logo_of(path: str) -> tuple[bytes, str]:
 
 
 def printed_logo(path: str) -> tuple[bytes, str]:
-    """Return the bytes of a picture and its MIME type; both are empty if the picture cannot be printed."""
+    """Return the bytes of a picture and its MIME type; both are empty for an empty path or an unusable file."""
     try:
         return logo_of(path)
     except (OSError, ValueError):

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _HOUR_S = 3600.0
-_WARNING = 0.8  # share of the life of a part above which it is highlighted, as in live/health_alarms
+# Share of the tool's life, used by one exposure, from which the share is highlighted; as in `live.health_alarms`.
+_WARNING = 0.8
 # Title of the axis of each channel, in the order of the depth tracks.
 _TRACKS = {
     "gamma": "Gamma",

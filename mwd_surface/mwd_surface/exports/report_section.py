@@ -51,7 +51,7 @@ def sheet_of(
     legend: str = "",
 ) -> Sheet:
     """
-    Make a table from columns of (title, unit).
+    Return a table with columns of (title, unit).
 
     A column without unit is aligned left if a cell is not a number. marks: by default no row is highlighted.
     """
