@@ -69,7 +69,8 @@ def archive_sheets(data: bytes, name: str) -> Sheets:
     Raises
     ------
     ListFileError
-        The archive is not an .xlsx file, cannot be read, or is larger than the budget when unpacked.
+        The archive is not an .xlsx file, cannot be read, unpacks to more bytes than the budget, or has too many cells,
+        columns, sheets or other elements.
     """
     import openpyxl
 
@@ -100,7 +101,7 @@ def archive_sheets(data: bytes, name: str) -> Sheets:
 
 
 def _check_archive(data: bytes, name: str) -> None:
-    """Refuse an archive that is not an .xlsx workbook, or that unpacks to more than memory and time allow."""
+    """Raise ListFileError for an archive that is not an .xlsx workbook, or that needs too much memory or time."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             names = set(archive.namelist())
@@ -236,7 +237,7 @@ class _Cells:
         self._name, self._count = name, 0
 
     def add(self, count: int = 1, column: int = 0) -> None:
-        """Count cells; raise ListFileError when there are too many."""
+        """Count cells; raise ListFileError when there are too many, or when `column` is above the limit of columns."""
         self._count += count
         try:
             budgets.SPREADSHEET.check("records", self._count)

@@ -73,10 +73,10 @@ def table_rows(
     run: str | None = None,
 ) -> list[TableRow]:
     """
-    Read every row of a six-axis table.
+    Return the rows of a six-axis table, in SI units.
 
-    If the sensor columns of a run have the wrong handedness, sign, order or unit, or a dead axis, all its rows get this
-    fault.
+    If the sensor columns of a run have the wrong handedness, sign, order or unit, or a dead axis, all rows of the run
+    get this fault.
 
     Parameters
     ----------
@@ -94,7 +94,8 @@ def table_rows(
     Raises
     ------
     ValueError
-        A column is missing, given twice or of an unknown unit, or the reference of a row contradicts itself.
+        A column is missing, given twice, of another length or of an unknown unit, or the reference of a row contradicts
+        itself.
     """
     columns = find_columns(table, axial)
     if run is not None:
