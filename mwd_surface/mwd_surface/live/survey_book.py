@@ -142,7 +142,11 @@ class SurveyBook:
             self.depth.note_sonde(int(samples["stamp_ns"][-1]))
 
     def on_survey(self, survey: Survey) -> str:
-        """Add a survey of the estimator to the list; return the outcome in words."""
+        """
+        Add a survey of the estimator to the list with the depth at its time; return the outcome in words.
+
+        A survey that the list refuses raises an alarm; a survey that is in the list already changes nothing.
+        """
         at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_offset)
         known = any(r.survey.uuid == survey.uuid for r in self.surveys.records)
         try:
@@ -166,7 +170,12 @@ class SurveyBook:
         return outcome(survey, record)
 
     def on_revision(self, survey: Survey) -> None:
-        """Apply a revised survey of the estimator, and log the changed station and the movement of the path."""
+        """
+        Apply a revised survey of the estimator, and log the changed station and the movement of the path.
+
+        A station that leaves or joins the path, or whose azimuth moved by more than 1 sigma, raises an alarm. A
+        revision that the list refuses is only logged; a revision without effect on the list is ignored.
+        """
         before = self.surveys
         try:
             surveys = self.surveys.revise(survey)
