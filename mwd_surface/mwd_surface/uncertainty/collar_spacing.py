@@ -59,8 +59,9 @@ def pieces_of(assembly: Assembly) -> tuple[Steel, ...]:
     """
     Return the magnetic pieces of an assembly; adjacent magnetic components form one piece with their strongest pole.
 
-    A piece at the upper end of the assembly continues into the string above. Raise ValueError if the sensors lie in
-    magnetic steel.
+    A piece at the upper end of the assembly continues into the string above; if the assembly ends with a non-magnetic
+    component, the string above is a piece of its own. A piece without a given pole strength gets the usual one
+    (`POLES`). Raises ValueError if the sensors lie in magnetic steel.
     """
     runs: list[tuple[float, list[Component]]] = []
     start, before = 0.0, False

@@ -115,7 +115,7 @@ class _CourseStations:
     first_tvd: float = 0.0
 
     def cut(self, first: int, last: int, inclination: Array) -> _CourseStations:
-        """Return the stations from index first to last - 1, with their inclinations from `inclination`, rad."""
+        """Return the stations from index first to last - 1; inclination: new inclinations of all stations, rad."""
         start = (0.0, 0.0, self.first_tvd)
         tvd = float(mc.path(self.md, self.inclination, self.azimuth, start)[first, 2])
         return _CourseStations(self.md[first:last], inclination[first:last], self.azimuth[first:last], tvd)
@@ -351,7 +351,7 @@ def _evaluated(stations: _CourseStations, code: str, reference: ErrorReference) 
 
 @functools.cache
 def _inclination_limits(code: str) -> tuple[float, float]:
-    """Return the inclination range of a code, rad; the upper limit is excluded, and inf if the code has none."""
+    """Return the least inclination of a code, included, and its upper limit, excluded, rad; inf if it has no limit."""
     found = next(iter(sorted(tool_code.folder().glob(f"*/{code}.json"))), None)
     if found is None:
         return 0.0, math.inf
