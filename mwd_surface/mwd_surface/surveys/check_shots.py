@@ -47,7 +47,11 @@ PASS, DOUBTFUL, FAIL = "pass", "doubtful", "fail"
 
 @dataclass(frozen=True)
 class Bias:
-    """Bias of one transverse axis: sensor, axis, value with 1 sigma, and 1 sigma of the tool code, m/s^2 or T."""
+    """
+    Bias of one transverse axis: value with 1 sigma, and 1 sigma of the tool code (`expected`), m/s^2 or T.
+
+    sensor: "accelerometer" or "magnetometer". axis: "y" or "z".
+    """
 
     sensor: str
     axis: str
@@ -137,10 +141,10 @@ def _compared(
     md: Array, rows: list[int], force: Array, field: Array, errors: SensorErrors, tools: list[str]
 ) -> CheckShot:
     """
-    Compare the shots at one depth.
+    Return the comparison of the shots at one depth.
 
     md: measured depth of each shot, m, shape (n,); the direction of the hole may change between the shots. rows:
-    indices of the shots in the input. force, field: readings in tool axes, m/s^2 and T, shape (n, 3).
+    indices of the shots in the input of `check_shots`. force, field: readings in tool axes, m/s^2 and T, shape (n, 3).
     """
     inclinations, azimuths = inclination(force), magnetic_geometry.raw_azimuth(force, field)
     first = float(azimuths[0])

@@ -198,7 +198,7 @@ class DepthTrack:
         return True
 
     def _go_back(self, stamp_ns: int, bit_depth: float) -> bool:
-        """Process a reading that is older than the latest one; return whether it is accepted now."""
+        """Process a reading older than the latest one by the rules of `update`; return whether it is accepted now."""
         if (self._stamps[-1] - stamp_ns) * NS <= self.rules.bridge:
             return False
         sonde_ns = self._sonde_ns
@@ -227,7 +227,7 @@ class DepthTrack:
         """
         Return whether a reading fits the last accepted reading before its time.
 
-        It fits if it is at most `rules.bridge` later and the string can move that far in the time between.
+        The reading fits if it is at most `rules.bridge` later and the string can move that far in the time between.
         """
         at = bisect.bisect_left(self._stamps, stamp_ns) - 1
         return (
@@ -248,7 +248,7 @@ class DepthTrack:
         """
         Set a bit depth given by a person, without a jump test.
 
-        Readings at and after the time are removed. Further readings pass the jump test against the given depth.
+        Readings at and after the time are removed. The jump test compares further readings with the given depth.
 
         Raises
         ------

@@ -62,7 +62,7 @@ class DepthTable:
 
 def read_depths(path: Path) -> DepthTable:
     """
-    Read depths from a CSV file.
+    Return the depths in a CSV file.
 
     Raises
     ------

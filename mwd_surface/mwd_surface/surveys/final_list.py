@@ -82,7 +82,7 @@ class FinalList:
 
 def final_list(sources: Sequence[ListSource]) -> FinalList:
     """
-    Combine the sources of one well into one list; well, legs and rules come from the first source.
+    Return one list made from the sources of one well; well, legs and rules come from the first source.
 
     Stations of the other sources are put on the path of the current leg of the first source: on this leg if they lie
     below its kick-off point, otherwise on the parent leg. A survey that several sources have (same uuid) is used once.
@@ -91,8 +91,8 @@ def final_list(sources: Sequence[ListSource]) -> FinalList:
     Raises
     ------
     ValueError
-        The first source has no tool code or programme, azimuths cannot be converted to its north, or no path joins the
-        stations.
+        The first source has no tool code or programme, azimuths cannot be converted to the north of its well, or no
+        path joins the stations.
     """
     first = sources[0]
     well = dataclasses.replace(first.surveys.well, error_model=first.code or first.surveys.well.error_model)
@@ -147,7 +147,7 @@ def _joined(whole: FinalList, source: ListSource) -> FinalList:
 
 
 def _on_path(surveys: SurveyList, record: SurveyRecord) -> bool:
-    """Return whether a station lies in the hole of the current leg: on this leg, or above a kick-off to it."""
+    """Return whether a station lies in the hole of the current leg: on this leg, or on a parent above the kick-off."""
     return record.leg == _leg_at(surveys, record.measured_depth).name
 
 

@@ -102,7 +102,7 @@ def analyse(
     Raises
     ------
     ValueError
-        Wrong shapes, fewer than two stations, readings that are not finite, or a reference without field.
+        The shapes are wrong, there are fewer than two stations, a reading is not finite, or the reference has no field.
     """
     errors = SensorErrors() if errors is None else errors
     f, b = _readings(f_t, b_t)
@@ -139,8 +139,9 @@ def _fitted(problem: StationsProblem) -> _ErrorFit:
     """
     Return the fit of the errors to the stations that are not outliers.
 
-    The worst outlier is dropped until none is left, at most a quarter of the stations is dropped, and at least three
-    remain. With at least `_MANY` stations the noise is scaled to the residuals before the last fit.
+    While the largest misfit exceeds `_OUTLIER_SIGMA`, its station is dropped, as long as more than three stations and
+    more than three quarters of all stations are in use. With at least `_MANY` stations in use, the noise is then scaled
+    to the residuals and the fit repeated.
     """
     n = len(problem.f)
     used = np.ones(n, dtype=bool)

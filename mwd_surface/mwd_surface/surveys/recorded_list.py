@@ -38,7 +38,7 @@ class DepthByHand:
 @dataclasses.dataclass(frozen=True)
 class Decided:
     """
-    Decision of a person about a survey at `stamp_ns`; log_ns: time at which the message was recorded, ns.
+    Decision about a survey that a person made at `stamp_ns`; log_ns: time at which the message was recorded, ns.
 
     measured_depth: depth given with the decision, m; NaN if none was given. replace, value: as in `SurveyList.accept`.
     as_listed: whether the decision comes from a recorded survey list, because the recording has no operator events.
@@ -92,7 +92,7 @@ class RecordedList:
     Attributes
     ----------
     first, records : dict of SurveyRecord
-        Record of each survey by uuid: as it was first listed, and as it was last listed.
+        Record of each survey by uuid: in the first list that has the survey, and in the last list of the recording.
     changes : tuple of Change
         Changes of the list, in the order of recording.
     arrived_ns : dict of int
@@ -112,7 +112,7 @@ class RecordedList:
     without_events: bool = False
 
     def before(self, start_ns: int) -> list[SurveyRecord]:
-        """Return the records of surveys taken before `start_ns`, which is the start of the recording."""
+        """Return the records of surveys that were taken before the start of the recording, `start_ns`, ns."""
         return [r for r in self.records.values() if r.survey.stamp_ns < start_ns]
 
 
@@ -173,7 +173,7 @@ def _has(bag: Bag, name: str, type_name: str) -> bool:
 
 
 def _change_of(log_ns: int, event: Any) -> list[Change]:
-    """Return the one change of the list by an operator event; empty if it failed or does not change the list."""
+    """Return the one change of the list by an operator event; empty if the event failed or changes nothing there."""
     stamp_ns = stamp_of(event.header.stamp)
     if not event.success:
         return []

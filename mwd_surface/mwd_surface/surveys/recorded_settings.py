@@ -132,7 +132,7 @@ def _sections(table: Mapping[str, str], usual: S, remarks: list[str]) -> S:
 
 def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[EstimatorSettings, str]:
     """
-    Return settings with a field model that is valid on their day, and a remark; the remark is empty without a change.
+    Return settings whose field model is valid on the day, and a remark, which is empty if nothing was changed.
 
     If the chosen model is not valid on the day, the IGRF replaces it. stamp_ns: time, ns, whose day is used if the
     settings contain no date. Raises ValueError if the settings use no model, or if the IGRF cannot be used either.

@@ -44,7 +44,7 @@ class RodSettings:
 @dataclasses.dataclass(frozen=True)
 class RodChange:
     """
-    One line of the log.
+    One change of the rods in the hole, which is one line of the log.
 
     rods, bit_depth: number of rods and bit depth, m, after the change. length: length of each changed rod, m.
     """
@@ -147,10 +147,10 @@ def _check_length(length: float) -> None:
 
 def disagreement(tally: RodTally, bit_depth: float, length: float, rods: float = 0.5) -> str:
     """
-    Return a sentence if the depths of tally and rig differ by `rods` rods or more; otherwise, or if unknown, empty.
+    Return a sentence if the depths of tally and rig differ by `rods` rods or more; otherwise an empty text.
 
-    bit_depth: bit depth of the rig, m. length: length of a rod, m. rods: smallest difference that is reported, in rod
-    lengths.
+    bit_depth: bit depth of the rig, m; NaN, if unknown, gives an empty text. length: length of a rod, m. rods: smallest
+    difference that is reported, in rod lengths.
     """
     apart = tally.bit_depth - bit_depth
     if not math.isfinite(apart) or abs(apart) < rods * length:
@@ -205,7 +205,8 @@ class RodLog:
     path : Path
         File of the log; it need not exist.
     most_bytes : int
-        Largest number of bytes to read. Of a longer file only the end is read; the rest counts as one unreadable line.
+        Largest number of bytes to read. Of a longer file only the end is read; its cut-off beginning counts as one
+        unreadable line.
     """
 
     def __init__(self, path: Path, most_bytes: int = _MOST_BYTES) -> None:

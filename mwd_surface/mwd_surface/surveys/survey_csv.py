@@ -77,7 +77,7 @@ class Line:
         raise AttributeError(name)
 
     def value(self, path: str) -> Any:
-        """Return the value of a dotted path of attributes."""
+        """Return the value of an attribute given by a dotted path, such as "survey.sequence"."""
         found: Any = self
         for name in path.split("."):
             found = getattr(found, name)

@@ -51,7 +51,7 @@ _CLEARLY = 0.8
 @dataclasses.dataclass(frozen=True)
 class SurveyList:
     """
-    The whole list, in order of measured depth within each leg; the module describes its rules.
+    Survey list of a well, in order of measured depth within each leg; the docstring of the module describes its rules.
 
     leg, tool: leg and tool of the next surveys. changed_ns: time of the last change, ns.
     """
@@ -99,7 +99,7 @@ class SurveyList:
         """
         Return the path of a leg (by default the current one), through its parents up to the wellhead.
 
-        bit_depth: m; if the bit is deeper than the last station, a station marked as projected is added at the bit.
+        bit_depth: m, finite; if the bit is deeper than the last station, a station marked as projected is added there.
 
         Raises
         ------

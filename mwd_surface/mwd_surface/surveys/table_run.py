@@ -73,7 +73,7 @@ def run_stations(
     rows: Sequence[TableRow], settings: StationSettings, progress: Callable[[float], None] | None = None
 ) -> list[TableStation]:
     """
-    Compute the rows of a table; rows of the same run are computed together.
+    Compute the stations of the rows of a table; rows of the same run are computed together.
 
     Rows are in the order in which they were taken. A row that cannot be read is rejected with its reason and is not
     used for other rows. progress is called with the share of finished rows, 0 to 1.
