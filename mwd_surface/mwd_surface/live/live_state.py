@@ -233,7 +233,7 @@ class LiveState:
         """
         Accept summaries of drilling dynamics, `wire.DYNAMICS`; only the last one is used.
 
-        Without a stick-slip index in it, the stick-slip is withheld as not turning.
+        If this one has no stick-slip index, the stick-slip is withheld with the reason "not turning".
         """
         if len(samples) == 0:
             return
@@ -258,7 +258,7 @@ class LiveState:
         """
         Accept temperatures of the sonde, degC, `wire.TEMPERATURE`; a variance of 0 means unknown.
 
-        Only the last one is used; outside `_COLDEST` to `_HOTTEST` it is withheld with a reason.
+        Only the last one is used; a temperature outside `_COLDEST` to `_HOTTEST` is withheld with a reason.
         """
         if len(samples) == 0:
             return

@@ -298,7 +298,7 @@ class SurveyBook:
             self._live.show(self._clock.now, covariance=self._covariance)
 
     def update_projection(self) -> None:
-        """Show projection and offset from the plan again if the bit has moved; called once a second."""
+        """Show projection and offset from the plan again if the bit has moved by `_BIT_STEP`; called once a second."""
         bit = self.bit_depth
         if bit is None or (self._shown_bit is not None and abs(bit - self._shown_bit) < _BIT_STEP):
             return
@@ -308,7 +308,7 @@ class SurveyBook:
 
 def _uncertain(surveys: SurveyList, path: Definitive, made_ns: int) -> tuple[Array | None, dict[str, Any]]:
     """
-    Return the covariance of a path's stations, and parts of the state of a mine hole by their names.
+    Return the covariance of a path's positions, (n, 3, 3), m^2, or None, and parts of the state of a mine hole by name.
 
     The parts are its deviation from the plan, deepest first, its branches, and its closure on a surveyed point.
     """
