@@ -269,7 +269,8 @@ def steering_to(position: ArrayLike, inclination: float, azimuth: float, target:
     Raises
     ------
     ValueError
-        The target is the position itself, or lies straight behind it, so that no arc leads to the target.
+        The target is the position itself or not finite, or lies 90 deg or more off the direction at the position, so
+        that no arc of half a turn or less leads to the target.
     """
     chord = np.asarray(target, dtype=float) - np.asarray(position, dtype=float)
     reach = float(np.linalg.norm(chord))
