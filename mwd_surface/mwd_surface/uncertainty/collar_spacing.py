@@ -130,7 +130,7 @@ def largest_interference(limit: float, inclination: float, azimuth: float, horiz
 
 def shortest_collars(above: float, below: float, below_length: float, most: float) -> tuple[float, float]:
     """
-    Return the shortest non-magnetic collars, above and below the sensors, that keep the axial field within a limit.
+    Return the non-magnetic collars of the smallest total length that keep the axial field within a limit.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def shortest_collars(above: float, below: float, below_length: float, most: floa
     Returns
     -------
     above, below : float
-        Lengths of the non-magnetic collars, m.
+        Lengths of the non-magnetic collars above and below the sensors, m.
 
     Raises
     ------

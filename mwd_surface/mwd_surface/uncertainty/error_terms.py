@@ -178,7 +178,8 @@ def error_terms(
     Raises
     ------
     ValueError
-        A tool code is unknown, a station is outside the inclination range of its code, or a gyro code has no latitude.
+        A tool code is unknown or cannot be evaluated on this well, a station is outside the inclination range of its
+        code, or a gyro code has no latitude or gives no azimuth at a station.
     CovarianceUnavailableError
         `welleng` is not installed.
     """
@@ -264,7 +265,11 @@ def _vertical_scale(name: str, stations: _CourseStations, tortuosity: float) -> 
 
 
 def _check_azimuth(code: str, errors: dict[str, Any], whole: _CourseStations, own: Mask, first: int) -> None:
-    """Raise ValueError for a north-seeking gyro near horizontal, where its terms grow with 1 / cos(inclination)."""
+    """
+    Raise ValueError if a station more than 1 deg from the vertical has an azimuth error of 90 deg or more.
+
+    The errors of a north-seeking gyro grow with 1 / cos(inclination) towards the horizontal.
+    """
     largest = np.max([np.abs(np.asarray(source.e_DIA))[:, 2] for source in errors.values()], axis=0, initial=0.0)
     for k in np.flatnonzero(own & (np.sin(whole.inclination) > math.sin(_VERTICAL))):
         if not largest[k - first] < 0.5 * math.pi:

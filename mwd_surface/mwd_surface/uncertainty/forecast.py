@@ -137,11 +137,11 @@ def correction_map(
     code: str, reference: Reference, latitude: float, points: tuple[int, int] = (72, 30)
 ) -> tuple[Array, Array, Array]:
     """
-    Return the sigma of the corrected azimuth over all directions, for a chart.
+    Return directions of the hole, and the sigma of the corrected azimuth in each direction, for a chart.
 
-    points: number of azimuth steps, and number of inclinations. Return true azimuths, shape (m,), inclinations, shape
-    (k,), and sigmas, shape (k, m), rad. Other arguments and exceptions are those of `forecast`; also raise ValueError
-    if `corrected_sibling` finds no code.
+    points: number of azimuth steps, and number of inclinations. The results are true azimuths, shape (m,),
+    inclinations, shape (k,), and sigmas, shape (k, m), rad. Other arguments and exceptions are those of `forecast`;
+    also raises ValueError if `corrected_sibling` finds no code.
     """
     sibling = corrected_sibling(code)
     if not sibling:
