@@ -32,7 +32,7 @@ _SHEET = re.compile(rb"<(?:\w+:)?sheet[\s/>]")
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One row: its place in the file and its cells."""
+    """One row: its place in the file, for messages, and its cells."""
 
     at: str
     cells: tuple[Cell, ...]
@@ -64,7 +64,7 @@ def is_spreadsheet_xml(text: str) -> bool:
 
 def archive_sheets(data: bytes, name: str) -> Sheets:
     """
-    Return the rows of each sheet of an .xlsx file; numbers stay numbers.
+    Return name and rows of each sheet of an .xlsx file; numbers stay numbers.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def _too_much(archive: zipfile.ZipFile) -> str:
     """
     Return the budget that an archive exceeds, in words; empty if it exceeds none.
 
-    All parts are counted, because any part may be used as a sheet.
+    Every file of the archive is counted, because any of them may be used as a sheet.
     """
     items = archive.infolist()
     most = budgets.SPREADSHEET.unpacked or 0
@@ -142,7 +142,7 @@ def _too_much(archive: zipfile.ZipFile) -> str:
 
 def html_sheets(text: str, name: str) -> Sheets:
     """
-    Return the rows of each table of an HTML document, except tables that contain other tables.
+    Return name and rows of each table of an HTML document, except tables that contain other tables.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def html_sheets(text: str, name: str) -> Sheets:
 
 def xml_sheets(text: str, name: str) -> Sheets:
     """
-    Return the rows of each sheet of an Excel 2003 XML workbook; numbers stay numbers.
+    Return name and rows of each sheet of an Excel 2003 XML workbook; numbers stay numbers.
 
     Raises
     ------
@@ -208,7 +208,7 @@ def xml_sheets(text: str, name: str) -> Sheets:
 
 
 def _placed(row: Any, ss: str) -> Iterator[tuple[int, Any]]:
-    """Yield the cells of a row with their column, from 0; a cell may state its column and may span several columns."""
+    """Yield the column, from 0, and the cell, for each cell of a row; a cell may state its column and span several."""
     place = 0
     for cell in row.iterchildren(f"{ss}Cell"):
         said = cell.get(f"{ss}Index", "")

@@ -37,7 +37,9 @@ _ROUNDING = math.radians(1.0)
 
 def check_depths(md: Array, at: Sequence[str], given: Given) -> tuple[Remark, ...]:
     """
-    Refuse depths that are impossible; return remarks on depths that the caller confirmed.
+    Refuse depths, m, that are impossible; return a remark if the caller confirmed a depth above `DEEPEST`.
+
+    at: place of each station in the file, for messages.
 
     Raises
     ------
@@ -62,6 +64,8 @@ def check_depths(md: Array, at: Sequence[str], given: Given) -> tuple[Remark, ..
 def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given: Given) -> tuple[Remark, ...]:
     """
     Refuse doglegs above 30 deg/30 m plus 1 deg, almost always errors in the list; return a remark if confirmed.
+
+    columns: measured depth, m, inclination and azimuth, rad. at: place of each station in the file, for messages.
 
     Raises
     ------

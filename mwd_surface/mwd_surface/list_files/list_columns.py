@@ -616,7 +616,11 @@ def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
 
 
 def _qualifiers(phrase: str, *, angle: bool) -> tuple[str, str, bool, list[str]]:
-    """Return unit, north, whether the angle is from the horizontal, and unknown words, from the words around a name."""
+    """
+    Return the meaning of the words around a name.
+
+    The results are unit and north ("" if none), whether the angle is from the horizontal, and the unknown words.
+    """
     unit, north, horizontal = unit_word(phrase), "", False
     if unit and not (angle and unit in LENGTH_UNITS):
         return unit, "", False, []

@@ -136,7 +136,7 @@ def list_of(data: bytes, name: str = "list", given: Given | None = None) -> Stat
 
 
 def _table(data: bytes, name: str, given: Given) -> Table:
-    """Return the table in a file of any kind."""
+    """Return the table in a file, whose kind is recognised by its content; errors as `read_list`."""
     if not is_spreadsheet(data):
         text = text_of(data, name)
         start = text.lstrip("\ufeff \t\r\n")
@@ -260,7 +260,7 @@ class _ListReader:
         self.remarks.append(Remark(kind, text, values))
 
     def _kept_rows(self, rows: Sequence[Row]) -> list[Row]:
-        """Return rows that may be stations; notes, totals and footers are left out and quoted in a remark."""
+        """Return rows that may be stations; notes, totals, footers and projections are left out, with a remark."""
         needed = [one for what in ("md", "inclination", "dip", "azimuth") for one in self.of.get(what, ())[:1]]
         depth = needed[0].number
         kept: list[Row] = []
@@ -304,7 +304,7 @@ class _ListReader:
         return kept
 
     def _refuse_more_cells(self) -> None:
-        """Refuse rows with numbers after the last named column: their cells do not match the names."""
+        """Raise ListFileError for a row with numbers after the last named column: its cells do not match the names."""
         width = len(self.table.names)
         for row in self.rows:
             if any(number_cells.looks_like_number(cell) for cell in row.cells[width:]):
@@ -935,9 +935,10 @@ class _ListReader:
 
     def _in_axes(self, angles: tuple[Array, Array, Array], positions: Array, north: str) -> Array:
         """
-        Rotate map coordinates from grid north to the north of the azimuths if the path of the angles then fits them.
+        Return positions whose map coordinates are rotated from grid north to the north of the azimuths.
 
-        Coordinates that fit already, or would have to be rotated by more than 6 deg, are returned unchanged.
+        They are returned unchanged if they fit the path of the angles already, if the rotation that fits best is above
+        6 deg, or if they do not fit after it.
         """
         offset = float(np.hypot(*positions[0, :2]))
         if fits(angles, positions):

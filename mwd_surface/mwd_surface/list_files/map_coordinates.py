@@ -41,6 +41,8 @@ def offsets_from_wellhead(
     """
     Return north and east from the wellhead, shape (n, 2), m, and remarks on the assumptions.
 
+    Offsets that are near enough to be from the wellhead, or from another point of the site, are returned unchanged.
+
     Parameters
     ----------
     name : str

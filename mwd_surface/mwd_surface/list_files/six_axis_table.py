@@ -83,7 +83,7 @@ def table_rows(
     table : mapping of str to sequence
         Columns by name.
     override : Reference, optional
-        Reference whose values replace those of the table; the table completes it.
+        Reference whose values replace those of the table; its missing values come from the table.
     axial : str, optional
         Letter of the axis that runs down-hole, x or z, for columns named by letters.
     refine : callable, optional

@@ -18,7 +18,7 @@ from mwd_surface.list_files.remark import Remark, RemarkKind
 WELLHEAD, FIRST_STATION, WITHOUT_POSITION = "wellhead", "first station of the list", "given without a position"
 POSITION = ("north", "east", "tvd")
 # Largest distance between the listed position of the first station and the position computed for a vertical start at
-# the wellhead, m, and share of the depth. The tolerance covers rounding and the differences of calculation methods.
+# the wellhead: this length, m, plus this share of the depth. It covers rounding and different calculation methods.
 _REACHED, _REACHED_SHARE = 0.2, 0.001
 # A station without azimuth counts as vertical up to this inclination, rad; over 30 m the hole then moves sideways by
 # about half a metre.

@@ -81,7 +81,7 @@ class Table:
 
 def read_bytes(path: Path) -> bytes:
     """
-    Read a file of bounded size.
+    Return the bytes of a file, if it is not larger than the budget of lists.
 
     Raises
     ------
@@ -355,9 +355,9 @@ def _header_in(grid: Sequence[Row], is_header: Header | None) -> tuple[int, int]
 
 def _with_above(grid: Sequence[Row], k: int, count: int, is_header: Header) -> tuple[int, int]:
     """
-    Extend the `count` rows of names, of which row k is the first, upwards to the rows with the best score of the names.
+    Return the index of the first row of column names, and the number of these rows.
 
-    Returns the first row of names and the number of rows.
+    Row k and the `count` - 1 rows below it are names. Rows above them are added if the score of the names then rises.
     """
     best = is_header(_stacked(grid[k : k + count]))
     where = k, count

@@ -77,7 +77,7 @@ def accelerometers(columns: tuple[str, str, str], f_t: Array, unit: float) -> Se
 
 
 def magnetometers(columns: tuple[str, str, str], b_t: Array, total: float, unit: float) -> Sensor:
-    """Return the magnetometers of a run; b_t: T, shape (n, 3); total: reference field, T, or nan; unit: T."""
+    """Return the magnetometers of a run; b_t: T, (n, 3); total: reference field, T, or nan; unit: of the columns, T."""
     return Sensor(columns, b_t, total, _FIELD_SHARE, unit, _FIELDS)
 
 
