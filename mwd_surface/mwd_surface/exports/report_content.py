@@ -37,8 +37,9 @@ def positions(table: SurveyTable) -> Section | None:
     """
     Return the section with latitude, longitude and map coordinates of every station.
 
-    Return None if the location of the wellhead is not given, if azimuths are from magnetic north, or if the path is
-    based on an assumption. Map coordinates are those of the well's grid, or else of the UTM zone. Distances are
+    Return None if the location of the wellhead is not given, if azimuths are from magnetic north, if the path is based
+    on an assumption, or if the map grid cannot be used there. Map coordinates are those of the well's grid, or else of
+    the UTM zone. Distances are
     multiplied by the scale of the grid at the wellhead; the resulting error is millimetres for a well of kilometres.
     """
     well, path = table.surveys.well, table.path

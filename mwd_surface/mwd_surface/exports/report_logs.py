@@ -32,7 +32,7 @@ _TRACKS = {
 
 
 def health_section(health: ToolHealth, display: Display) -> Section | None:
-    """Return the summary of the tool's run, in the units of the well; None if there are no data of the tool."""
+    """Return the section on times, battery, exposures and parts of the tool; None if there are no data of the tool."""
     if not health.stamp_ns and not health.parts:
         return None
     text, sheets = [f"{one}." for one in health.remarks], []
@@ -89,7 +89,7 @@ def health_section(health: ToolHealth, display: Display) -> Section | None:
 
 
 def log_section(curves: Sequence[Curve], display: Display) -> Section | None:
-    """Return the logs as depth tracks, in the units and angle convention of the well; None without logs."""
+    """Return the section with the logs as depth tracks, in the units of the well; None without logs."""
     by_name = {curve.channel: curve for curve in curves if len(curve.depth) and np.isfinite(curve.value).any()}
     shown = [by_name[name] for name in _TRACKS if name in by_name]
     if not shown:

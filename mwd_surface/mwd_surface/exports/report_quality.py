@@ -68,7 +68,7 @@ def row_mark(record: SurveyRecord | None) -> str:
 
 
 def verdict_cells(survey: Survey, row: int, first: int) -> tuple[tuple[str, ...], dict[tuple[int, int], str]]:
-    """Return the verdicts of inclination, azimuth and toolface as cells from column `first` on, with their tints."""
+    """Return the verdicts of inclination, azimuth and toolface as cells from column `first` on, and tints by cell."""
     words = survey.verdicts
     return words, {(row, first + k): _VERDICT_TINTS[v] for k, v in enumerate(words) if v in _VERDICT_TINTS}
 

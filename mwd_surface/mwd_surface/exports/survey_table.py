@@ -168,7 +168,7 @@ def survey_table(
     Raises
     ------
     ValueError
-        The leg does not exist, the bit depth is not finite, or the programme of the well cannot be used.
+        The leg does not exist, or the bit depth is not finite.
     """
     if plan is not None:
         surveys = surveys.along(plan)
