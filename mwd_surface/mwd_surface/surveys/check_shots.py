@@ -193,7 +193,8 @@ def _covariance(force: Array, field: Array, errors: SensorErrors, tools: list[st
     """
     Return the covariance of (inclination, raw azimuth) of n shots, rad^2, shape (2, 2, n, n).
 
-    It consists of the errors of the tool code, shared by shots of the same tool, and the repeatability of each reading.
+    The covariance is that of the errors of the tool code, which shots of the same tool share, and of the repeatability
+    of each reading.
     """
     slopes = magnetic_geometry.angle_jacobian(force, field)[:, :2]
     count = len(force)

@@ -274,9 +274,9 @@ def tie_on_assumptions(
     """
     Return the assumptions of a tie-on about the hole above the first station.
 
-    A tie-on given with only a depth and a direction has one assumption: its position. A default tie-on at the wellhead
-    has one, unless there is no station yet or the first station lies within the gap and dogleg limits of `rules`. Any
-    other tie-on has none.
+    A tie-on given without its full position has one assumption: the missing coordinates. A default tie-on at the
+    wellhead has one, unless there is no station yet or the first station lies within the gap and dogleg limits of
+    `rules`. Any other tie-on has none.
 
     Parameters
     ----------

@@ -510,7 +510,9 @@ def _judged(record: SurveyRecord, judgement: Judgement, who: str, reason: str, s
 
 def _with_value(record: SurveyRecord, value: Value) -> SurveyRecord:
     """
-    Return the record with one of its values made definitive; no value is lost. Without a first value nothing changes.
+    Return the record with one of its values made definitive; no value is lost.
+
+    Nothing changes if the definitive value is asked for, or the first value of a record without one.
 
     Raises
     ------
