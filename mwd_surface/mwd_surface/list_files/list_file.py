@@ -555,9 +555,9 @@ class _ListReader:
         """
         Return the unit for a column of lengths whose name and cells have no unit.
 
-        It is the unit that the head states, else that of the other lengths of the list, else that of the datum's
-        elevation or of the coordinates in the head; "" if there is none. Raises ListFileError if the head states a unit
-        that is not understood.
+        The result is the unit that the head states, else that of the other lengths of the list, else that of the
+        datum's elevation or of the coordinates in the head; "" if there is none. Raises ListFileError if the head
+        states a unit that is not understood.
         """
         if self.head.strange_unit:
             raise ListFileError(

@@ -131,7 +131,7 @@ def _dead(sensor: Sensor, values: Array) -> int | None:
     """
     Return the index of an axis that is constant although total and other axes require a change; None without one.
 
-    It is also None with fewer than three rows or an unknown total.
+    The result is also None with fewer than three rows or an unknown total.
     """
     if len(values) < _LEAST_ROWS or not math.isfinite(sensor.total):
         return None
