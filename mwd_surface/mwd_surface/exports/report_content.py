@@ -39,8 +39,8 @@ def positions(table: SurveyTable) -> Section | None:
 
     Return None if the location of the wellhead is not given, if azimuths are from magnetic north, if the path is based
     on an assumption, or if the map grid cannot be used there. Map coordinates are those of the well's grid, or else of
-    the UTM zone. Distances are
-    multiplied by the scale of the grid at the wellhead; the resulting error is millimetres for a well of kilometres.
+    the UTM zone. Distances are multiplied by the scale of the grid at the wellhead; the resulting error is millimetres
+    for a well of kilometres.
     """
     well, path = table.surveys.well, table.path
     if well.latitude_deg is None or well.longitude_deg is None or path.assumed or well.north_reference == "magnetic":
