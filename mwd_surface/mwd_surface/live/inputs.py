@@ -175,7 +175,7 @@ class DepthSources:
         """
         Return the depth by hand, m, if it has precedence over all sources; else None.
 
-        It has precedence for `hand_hold` after it was set, and then as long as no source sends a depth.
+        A depth by hand has precedence for `hand_hold` after it was set, and then as long as no source sends a depth.
         """
         held = self._hand is not None and now - self._hand[0] <= self._selection.rules.hand_hold
         return self._hand[1] if self._hand is not None and (held or not self._live(now)) else None

@@ -278,7 +278,7 @@ class LiveState:
         """
         Accept magnetic fields, `wire.MAG`; the mean of their strengths is shown.
 
-        It is withheld while the estimator reports that the magnetometer cannot be used.
+        The mean is withheld while the estimator reports that the magnetometer cannot be used.
         """
         if len(samples) == 0:
             return
