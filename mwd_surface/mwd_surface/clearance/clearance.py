@@ -255,7 +255,7 @@ def clearance(
 
 def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
     """
-    Raise an error if the list of a well was probably read wrongly.
+    Raise ValueError if the list of a well was probably read wrongly.
 
     Raises
     ------
@@ -327,7 +327,7 @@ def _rows(found: Any, here: Any, there: Any) -> Array:
 
 
 def nearest_first(found: Sequence[Clearance]) -> list[Clearance]:
-    """Return clearances sorted by their smallest separation factor."""
+    """Return clearances in the order of their smallest separation factors, the smallest first."""
     return sorted(found, key=lambda c: float(c.factor[c.least]))
 
 

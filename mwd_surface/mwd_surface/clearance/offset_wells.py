@@ -137,7 +137,7 @@ class OffsetWells:
 
 def read_offset_wells(path: Path) -> OffsetWells:
     """
-    Read the file that names the offset wells.
+    Return the content of the file that names the offset wells.
 
     Raises
     ------
@@ -179,7 +179,8 @@ def offset_well(
     Raises
     ------
     OffsetWellError
-        The list or the programme of the offset well cannot be used.
+        The list or the programme of the offset well cannot be used, or the position of its wellhead is too far away or
+        contradicts the map coordinates.
     """
     try:
         plan = read_plan(folder / Path(offset.file).expanduser(), given=offset.given())

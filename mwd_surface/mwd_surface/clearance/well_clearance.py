@@ -120,7 +120,7 @@ def well_clearance(
 
 def offset_wells_of(surveys: SurveyList) -> OffsetWells | None:
     """
-    Read the offset wells of a survey list from the file named in its well data; None if no file is named.
+    Return the offset wells from the file that the well of a survey list names; None if no file is named.
 
     Raises
     ------

@@ -136,8 +136,9 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
         Folder of the file; created if missing.
     name : str
         File name without folder; invalid characters are replaced. Empty: well, word of the format and time of the
-        table. If the name has no ending, the ending is added, for the raw format also its word, so that two formats of
-        one name are two files. An existing file is replaced.
+        table. If the name has no ending, the ending is added; for a format that is not the first with its ending in
+        `FORMATS`, also the word of the format, so that two formats of one name are two files. An existing file is
+        replaced.
 
     Returns
     -------
@@ -147,7 +148,8 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
     Raises
     ------
     ValueError
-        The format is unknown (the message names similar formats), or the name is a path.
+        The format is unknown (the message names similar formats), the name is a path, or the content cannot be made,
+        as in `report_pdf`.
     ExportError
         The folder or file cannot be written.
     """

@@ -45,7 +45,7 @@ def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = (), notes: 
     """
     Return all surveys of the list in order of number, in use or not; azimuths are from each survey's own north.
 
-    header, notes: labels and values of the head block, and comment lines below it.
+    header, notes: labels and values of the head block, and comment lines below this block.
     """
     head = [f"# {label}: {value}" for label, value in header] + [f"# {plain(note)}" for note in notes]
     lines = survey_csv.list_cells(surveys, surveys.well.display)

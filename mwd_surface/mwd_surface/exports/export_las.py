@@ -112,6 +112,6 @@ def _azimuth_sources(table: SurveyTable) -> list[tuple[str, int, str, Array]]:
 
 
 def as_value(text: str) -> str:
-    """Return text as a value for a LAS header line."""
+    """Return a text as a value for a LAS header line: a colon before a space becomes a comma."""
     # A colon before a space separates value and description in LAS, so replace it; a colon in a time remains.
     return re.sub(r"\s*:\s+", ", ", text)

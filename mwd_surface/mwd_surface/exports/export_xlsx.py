@@ -26,7 +26,11 @@ _FORBIDDEN = re.compile(r"[\[\]:*?/\\]")
 
 
 def xlsx(table: SurveyTable) -> bytes:
-    """Return the report of a table as an Excel workbook, in the language and units of the well."""
+    """
+    Return the report of a table as an Excel workbook, in the language and units of the well.
+
+    Raises ValueError if the language of the well is unknown.
+    """
     from openpyxl import Workbook
     from openpyxl.styles import Font
 

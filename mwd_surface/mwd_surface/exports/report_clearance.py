@@ -35,9 +35,10 @@ def clearance_sections(
     surveys: SurveyList, plan: Plan | None, bit_depth: float | None = None, leg: str | None = None
 ) -> tuple[tuple[Section, ...], tuple[str, ...]]:
     """
-    Return the sections about offset wells, and sentences about comparisons that were not possible.
+    Return the section about offset wells, and sentences about comparisons that were not possible.
 
-    Both are empty if the well has no offset wells. Arguments as for `well_clearance`.
+    Both are empty if the well has no offset wells or no surveys. If no clearance can be computed, there is no section,
+    and the sentence is the reason. Arguments as for `well_clearance`.
     """
     try:
         offsets = offset_wells_of(surveys)

@@ -37,9 +37,10 @@ def positions(table: SurveyTable) -> Section | None:
     """
     Return the section with latitude, longitude and map coordinates of every station.
 
-    Return None if the location of the wellhead is not given, if azimuths are from magnetic north, or if the path is
-    based on an assumption. Map coordinates are those of the well's grid, or else of the UTM zone. Distances are
-    multiplied by the scale of the grid at the wellhead; the resulting error is millimetres for a well of kilometres.
+    Return None if the location of the wellhead is not given, if azimuths are from magnetic north, if the path is based
+    on an assumption, or if the map grid cannot be used there. Map coordinates are those of the well's grid, or else of
+    the UTM zone. Distances are multiplied by the scale of the grid at the wellhead; the resulting error is millimetres
+    for a well of kilometres.
     """
     well, path = table.surveys.well, table.path
     if well.latitude_deg is None or well.longitude_deg is None or path.assumed or well.north_reference == "magnetic":
@@ -79,7 +80,11 @@ def positions(table: SurveyTable) -> Section | None:
 
 
 def programme(table: SurveyTable) -> Section | None:
-    """Return the section with the survey programme that gives the position uncertainty; None without a programme."""
+    """
+    Return the section with the survey programme that gives the position uncertainty.
+
+    None if neither programme nor tool code is set, or if the programme file cannot be used.
+    """
     try:
         found = programme_of(table.surveys.well)
     except ProgrammeError:
@@ -163,7 +168,7 @@ class Content:
         return tuple(sheet for section in self.sections for sheet in section.sheets)
 
     def words(self) -> Iterator[str]:
-        """Return every text of the report except those in drawings."""
+        """Yield every text of the report, except the texts inside drawings."""
         yield from (
             self.title,
             self.certificate,
@@ -234,7 +239,7 @@ def logo_of(path: str) -> tuple[bytes, str]:
 
 
 def printed_logo(path: str) -> tuple[bytes, str]:
-    """Return the bytes of a picture and its MIME type; both are empty if the picture cannot be printed."""
+    """Return the bytes of a picture and its MIME type; both are empty for an empty path or an unusable file."""
     try:
         return logo_of(path)
     except (OSError, ValueError):

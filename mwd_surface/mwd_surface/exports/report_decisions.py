@@ -103,7 +103,7 @@ def _by_the_run(record: SurveyRecord) -> list[tuple[str, ...]]:
 
 
 def slides(table: SurveyTable) -> Section | None:
-    """Return the section with the slide sheet and the yield of the slides; None if no hole was slid."""
+    """Return the section with the slide sheet and the yield of the slides; None if nothing was drilled by sliding."""
     made = {mode: sum(s.length for s in table.stretches if s.mode == mode) for mode in (SLIDE, ROTATE)}
     if made[SLIDE] <= 0.0:
         return None

@@ -136,7 +136,7 @@ def _drawer(edge: Edge, draw: Callable[[], Figure]) -> Callable[[], Figure]:
 
 
 def _in_feet(axes: Any) -> None:
-    """Label an axis, whose data are in metres, in feet, with ticks at round numbers of feet."""
+    """Change each axis of a plot that is labelled in metres to labels in feet, with ticks at round numbers of feet."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
     class Feet(MaxNLocator):

@@ -39,7 +39,7 @@ def final_sections(
     inputs: Sequence[tuple[str, str]],
 ) -> tuple[Section, ...]:
     """
-    Return the sections of a final list.
+    Return two sections of a final list: its sources, and its differences from the list as first decided.
 
     changes: final path minus the path as first decided. tables: tables of the first and of the final list. inputs: name
     and SHA-256 of each input file.

@@ -19,7 +19,11 @@ _DEG = 180.0 / math.pi
 
 
 def deviation(table: SurveyTable) -> Section | None:
-    """Return the rod table of a mine hole; None without a design, or for a well with inclination from the vertical."""
+    """
+    Return the section with the rod table of a mine hole.
+
+    None without a design, or for a well with inclination from the vertical.
+    """
     angles, rows = table.surveys.well.angles, table.deviations
     if not angles.points or not rows:
         return None
@@ -60,7 +64,11 @@ def deviation(table: SurveyTable) -> Section | None:
 
 
 def branched(table: SurveyTable) -> Section | None:
-    """Return the branches of a mine hole: depth where each leaves its parent, and its end; None without branches."""
+    """
+    Return the section with the branches of a mine hole: depth where each branch leaves its parent, and its end.
+
+    None without branches, or for a well with inclination from the vertical.
+    """
     well, found = table.surveys.well, branches(table.surveys)
     if not well.angles.points or not found:
         return None

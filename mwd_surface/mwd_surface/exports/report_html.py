@@ -95,7 +95,11 @@ figcaption { color: #444; }
 
 
 def report_html(table: SurveyTable) -> str:
-    """Return the report of a table as HTML text (UTF-8 when encoded); user texts are escaped."""
+    """
+    Return the report of a table as HTML text (UTF-8 when encoded); user texts are escaped.
+
+    Raises ValueError if the language of the well is unknown.
+    """
     environment = jinja2.Environment(
         autoescape=True,
         undefined=jinja2.StrictUndefined,

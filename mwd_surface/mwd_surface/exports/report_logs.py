@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _HOUR_S = 3600.0
-_WARNING = 0.8  # share of the life of a part above which it is highlighted, as in live/health_alarms
+# Share of the tool's life, used by one exposure, from which the share is highlighted; as in `live.health_alarms`.
+_WARNING = 0.8
 # Title of the axis of each channel, in the order of the depth tracks.
 _TRACKS = {
     "gamma": "Gamma",
@@ -31,7 +32,7 @@ _TRACKS = {
 
 
 def health_section(health: ToolHealth, display: Display) -> Section | None:
-    """Return the summary of the tool's run, in the units of the well; None if there are no data of the tool."""
+    """Return the section on times, battery, exposures and parts of the tool; None if there are no data of the tool."""
     if not health.stamp_ns and not health.parts:
         return None
     text, sheets = [f"{one}." for one in health.remarks], []
@@ -88,7 +89,7 @@ def health_section(health: ToolHealth, display: Display) -> Section | None:
 
 
 def log_section(curves: Sequence[Curve], display: Display) -> Section | None:
-    """Return the logs as depth tracks, in the units and angle convention of the well; None without logs."""
+    """Return the section with the logs as depth tracks, in the units of the well; None without logs."""
     by_name = {curve.channel: curve for curve in curves if len(curve.depth) and np.isfinite(curve.value).any()}
     shown = [by_name[name] for name in _TRACKS if name in by_name]
     if not shown:

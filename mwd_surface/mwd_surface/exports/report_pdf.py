@@ -192,7 +192,7 @@ class _Placed:
         return self.width * self._ratio + _CAPTION
 
     def fit(self, height: float) -> None:
-        """Reduce the drawing to a largest height with its caption, mm."""
+        """Reduce the drawing so that it is at most `height` high with its caption, mm."""
         self.width = min(self.width, (height - _CAPTION) / self._ratio)
 
 

@@ -58,7 +58,7 @@ def section_view(table: SurveyTable) -> Figure:
     """
     Return the figure of the path in the plane of the vertical section.
 
-    It shows also the error ellipses of some stations and the planned path.
+    The figure also shows the error ellipses of some stations and the planned path.
     """
     figure, ax = _new(6.2, 5.6)
     azimuth = table.path.section_azimuth

@@ -68,7 +68,7 @@ def row_mark(record: SurveyRecord | None) -> str:
 
 
 def verdict_cells(survey: Survey, row: int, first: int) -> tuple[tuple[str, ...], dict[tuple[int, int], str]]:
-    """Return the verdicts of inclination, azimuth and toolface as cells from column `first` on, with their tints."""
+    """Return the verdicts of inclination, azimuth and toolface as cells from column `first` on, and tints by cell."""
     words = survey.verdicts
     return words, {(row, first + k): _VERDICT_TINTS[v] for k, v in enumerate(words) if v in _VERDICT_TINTS}
 
@@ -179,9 +179,9 @@ def _run(leg: str, tool: str, records: Sequence[SurveyRecord]) -> tuple[str, ...
 
 def azimuths(table: SurveyTable) -> Section | None:
     """
-    Return the section with the azimuth of each survey by each method, all from the same north; None without any.
+    Return the section with the azimuth of each survey by each method, all from the north of the well.
 
-    Stations of a list of angles have no method and are left out.
+    Stations of a list of angles have no method and are left out. None if no survey has an azimuth by a method.
     """
     records = [r for r in numbered(table) if any(math.isfinite(a.sigma) for a in r.survey.azimuths)]
     methods = list(dict.fromkeys(a.method for r in records for a in r.survey.azimuths if math.isfinite(a.sigma)))

@@ -51,7 +51,7 @@ def sheet_of(
     legend: str = "",
 ) -> Sheet:
     """
-    Make a table from columns of (title, unit).
+    Return a table with columns of (title, unit).
 
     A column without unit is aligned left if a cell is not a number. marks: by default no row is highlighted.
     """
@@ -68,7 +68,7 @@ def _is_number(text: str) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class Drawing:
-    """Figure with its caption, drawn when the report is written. wide: whether it spans the full page width."""
+    """Figure with its caption, drawn when the report is written. wide: whether the figure spans the full page width."""
 
     caption: str
     draw: Callable[[], Figure]
@@ -77,7 +77,11 @@ class Drawing:
 
 @dataclasses.dataclass(frozen=True)
 class Section:
-    """Section of the report: heading, sentences, tables and drawings. page: whether it begins on a new page."""
+    """
+    Section of the report: heading, sentences, tables and drawings.
+
+    page: whether the section begins on a new page.
+    """
 
     heading: str
     text: tuple[str, ...] = ()

@@ -86,7 +86,7 @@ class Written:
 
 
 def has_attitude(bag: Bag, well: str = "") -> bool:
-    """Return whether a recording has the attitude of a well; well: its namespace, if there are several."""
+    """Return whether a recording has the attitude of a well; well: namespace of the well, if there are several."""
     return _topic(bag, wire.ATTITUDE, ATTITUDE, well) is not None
 
 

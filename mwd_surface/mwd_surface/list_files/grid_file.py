@@ -32,7 +32,7 @@ _SHEET = re.compile(rb"<(?:\w+:)?sheet[\s/>]")
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One row: its place in the file and its cells."""
+    """One row: its place in the file, for messages, and its cells."""
 
     at: str
     cells: tuple[Cell, ...]
@@ -64,12 +64,13 @@ def is_spreadsheet_xml(text: str) -> bool:
 
 def archive_sheets(data: bytes, name: str) -> Sheets:
     """
-    Return the rows of each sheet of an .xlsx file; numbers stay numbers.
+    Return name and rows of each sheet of an .xlsx file; numbers stay numbers.
 
     Raises
     ------
     ListFileError
-        The archive is not an .xlsx file, cannot be read, or is larger than the budget when unpacked.
+        The archive is not an .xlsx file, cannot be read, unpacks to more bytes than the budget, or has too many cells,
+        columns, sheets or other elements.
     """
     import openpyxl
 
@@ -100,7 +101,7 @@ def archive_sheets(data: bytes, name: str) -> Sheets:
 
 
 def _check_archive(data: bytes, name: str) -> None:
-    """Refuse an archive that is not an .xlsx workbook, or that unpacks to more than memory and time allow."""
+    """Raise ListFileError for an archive that is not an .xlsx workbook, or that needs too much memory or time."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             names = set(archive.namelist())
@@ -121,7 +122,7 @@ def _too_much(archive: zipfile.ZipFile) -> str:
     """
     Return the budget that an archive exceeds, in words; empty if it exceeds none.
 
-    All parts are counted, because any part may be used as a sheet.
+    Every file of the archive is counted, because any of them may be used as a sheet.
     """
     items = archive.infolist()
     most = budgets.SPREADSHEET.unpacked or 0
@@ -141,7 +142,7 @@ def _too_much(archive: zipfile.ZipFile) -> str:
 
 def html_sheets(text: str, name: str) -> Sheets:
     """
-    Return the rows of each table of an HTML document, except tables that contain other tables.
+    Return name and rows of each table of an HTML document, except tables that contain other tables.
 
     Raises
     ------
@@ -176,7 +177,7 @@ def html_sheets(text: str, name: str) -> Sheets:
 
 def xml_sheets(text: str, name: str) -> Sheets:
     """
-    Return the rows of each sheet of an Excel 2003 XML workbook; numbers stay numbers.
+    Return name and rows of each sheet of an Excel 2003 XML workbook; numbers stay numbers.
 
     Raises
     ------
@@ -207,7 +208,7 @@ def xml_sheets(text: str, name: str) -> Sheets:
 
 
 def _placed(row: Any, ss: str) -> Iterator[tuple[int, Any]]:
-    """Yield the cells of a row with their column, from 0; a cell may state its column and may span several columns."""
+    """Yield the column, from 0, and the cell, for each cell of a row; a cell may state its column and span several."""
     place = 0
     for cell in row.iterchildren(f"{ss}Cell"):
         said = cell.get(f"{ss}Index", "")
@@ -236,7 +237,7 @@ class _Cells:
         self._name, self._count = name, 0
 
     def add(self, count: int = 1, column: int = 0) -> None:
-        """Count cells; raise ListFileError when there are too many."""
+        """Count cells; raise ListFileError when there are too many, or when `column` is above the limit of columns."""
         self._count += count
         try:
             budgets.SPREADSHEET.check("records", self._count)

@@ -37,12 +37,14 @@ _ROUNDING = math.radians(1.0)
 
 def check_depths(md: Array, at: Sequence[str], given: Given) -> tuple[Remark, ...]:
     """
-    Refuse depths that are impossible; return remarks on depths that the caller confirmed.
+    Refuse depths, m, that are impossible; return a remark if the caller confirmed a depth above `DEEPEST`.
+
+    at: place of each station in the file, for messages.
 
     Raises
     ------
     ListFileError
-        A depth is above the wellhead, or deeper than any hole.
+        A depth is negative, above 100 km, or above `DEEPEST` without confirmation of "depth" by the caller.
     """
     for k in map(int, np.flatnonzero(md < 0.0)):
         raise ListFileError(f"{at[k]}: measured depth {md[k]:g} m is above the wellhead; depths count downwards")
@@ -61,7 +63,9 @@ def check_depths(md: Array, at: Sequence[str], given: Given) -> tuple[Remark, ..
 
 def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given: Given) -> tuple[Remark, ...]:
     """
-    Refuse a dogleg above 30 deg/30 m, which is almost always an error in the list; return remarks on confirmed ones.
+    Refuse doglegs above 30 deg/30 m plus 1 deg, almost always errors in the list; return a remark if confirmed.
+
+    columns: measured depth, m, inclination and azimuth, rad. at: place of each station in the file, for messages.
 
     Raises
     ------
@@ -99,7 +103,11 @@ def allowed(md: Array) -> Array:
 
 
 def misfit(columns: tuple[Array, Array, Array], positions: Array) -> Array:
-    """Return listed minus computed positions, both counted from the first station, shape (n, 3), m."""
+    """
+    Return listed minus computed positions, both counted from the first station, shape (n, 3), m.
+
+    columns: measured depth, m, inclination and azimuth, rad. Raises ValueError if they do not make a path.
+    """
     md, inc, azi = columns
     computed = mc.path(md, inc, azi)
     origin = positions[0]
@@ -107,7 +115,11 @@ def misfit(columns: tuple[Array, Array, Array], positions: Array) -> Array:
 
 
 def fits(columns: tuple[Array, Array, Array], positions: Array) -> bool:
-    """Return whether the positions in a list agree with its angles; missing positions are not compared."""
+    """
+    Return whether the positions in a list agree with the path computed from its angles.
+
+    Missing positions are not compared; the result is false if no path can be computed.
+    """
     try:
         difference = misfit(columns, positions)
     except ValueError:
@@ -123,8 +135,8 @@ def check_positions(name: str, columns: tuple[Array, Array, Array], positions: A
     Raises
     ------
     ListFileError
-        A position is not on the Earth, or listed and computed positions differ too much; the message names the likely
-        cause.
+        A position is not on the Earth, listed and computed positions differ too much, or units are mixed; the message
+        names the likely cause.
     """
     for k, axis in zip(*np.nonzero(np.abs(positions) > _FARTHEST), strict=True):
         raise ListFileError(
@@ -175,7 +187,11 @@ def _sideways(difference: Array) -> float:
 
 
 def turn_between(columns: tuple[Array, Array, Array], positions: Array) -> float:
-    """Return the rotation of the azimuths, rad, that aligns the computed path with north and east; nan if unknown."""
+    """
+    Return the rotation of the azimuths, rad, that aligns the computed path with the listed north and east.
+
+    The result is nan if no path can be computed, or if north and east are missing or almost zero.
+    """
     md, inc, azi = columns
     try:
         computed = mc.path(md, inc, azi)

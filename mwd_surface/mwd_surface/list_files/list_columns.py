@@ -403,7 +403,7 @@ class ListColumns:
 
 def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] = ()) -> ListColumns:
     """
-    Match columns to quantities.
+    Return the columns of a list by quantity, and the columns that resemble a quantity but are not read.
 
     names: names of the columns. given: statements of the caller. units: units that the file states apart from the
     names, as LAS does.
@@ -468,7 +468,11 @@ def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> ListC
 
 
 def points(text: str) -> str:
-    """Return the direction of positive angles from the horizontal in a text, one of DIPS; "" if it states none."""
+    """
+    Return the direction of positive angles from the horizontal in a text, one of DIPS.
+
+    The result is "" if the text states no direction, or both.
+    """
     words = _words(text)
     found = [way for way, pattern in _POINTS.items() if pattern.search(words)]
     return found[0] if len(found) == 1 else ""
@@ -526,9 +530,10 @@ def mentions_north(text: str) -> bool:
 
 def factor(column: ListColumn, at: str, given: Given | None = None, otherwise: str = "") -> float:
     """
-    Return the factor that converts a column to m or rad.
+    Return the factor that converts a column to SI units: m, rad, T or m/s^2.
 
-    at: place of the column in the file. otherwise: unit from the head of the list, for a column that states none.
+    at: place of the column in the file. given: units that the caller states, which replace that of the column.
+    otherwise: unit from the head of the list, for a column that states none. An angle without any unit is in deg.
 
     Raises
     ------
@@ -587,7 +592,7 @@ def _parted(name: str) -> tuple[str, list[str]]:
 
 
 def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
-    """Return the quantity that the first words name, the words after it, and the north among the words."""
+    """Return the quantity that the first words name ("" if none), the words after them, and the north in the words."""
     # Look for the longest run of first words that is a name. A name that starts later follows a north or a filler word.
     for size in range(len(words), 0, -1):
         joined = " ".join(words[:size])
@@ -611,7 +616,11 @@ def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
 
 
 def _qualifiers(phrase: str, *, angle: bool) -> tuple[str, str, bool, list[str]]:
-    """Return unit, north, whether the angle is from the horizontal, and unknown words, from the words around a name."""
+    """
+    Return the meaning of the words around a name.
+
+    The results are unit and north ("" if none), whether the angle is from the horizontal, and the unknown words.
+    """
     unit, north, horizontal = unit_word(phrase), "", False
     if unit and not (angle and unit in LENGTH_UNITS):
         return unit, "", False, []

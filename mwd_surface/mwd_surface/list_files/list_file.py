@@ -130,13 +130,13 @@ def read_list(path: str | Path, given: Given | None = None) -> StationList:
 
 
 def list_of(data: bytes, name: str = "list", given: Given | None = None) -> StationList:
-    """Return the stations in the bytes of a file; see `read_list`."""
+    """Return the stations in the bytes of a file; name: name of the list in messages. Errors as `read_list`."""
     given = given or Given()
     return _stations(_table(data, name, given), given)
 
 
 def _table(data: bytes, name: str, given: Given) -> Table:
-    """Return the table in a file of any kind."""
+    """Return the table in a file, whose kind is recognised by its content; errors as `read_list`."""
     if not is_spreadsheet(data):
         text = text_of(data, name)
         start = text.lstrip("\ufeff \t\r\n")
@@ -260,7 +260,7 @@ class _ListReader:
         self.remarks.append(Remark(kind, text, values))
 
     def _kept_rows(self, rows: Sequence[Row]) -> list[Row]:
-        """Return rows that may be stations; notes, totals and footers are left out and quoted in a remark."""
+        """Return rows that may be stations; notes, totals, footers and projections are left out, with a remark."""
         needed = [one for what in ("md", "inclination", "dip", "azimuth") for one in self.of.get(what, ())[:1]]
         depth = needed[0].number
         kept: list[Row] = []
@@ -304,7 +304,7 @@ class _ListReader:
         return kept
 
     def _refuse_more_cells(self) -> None:
-        """Refuse rows with numbers after the last named column: their cells do not match the names."""
+        """Raise ListFileError for a row with numbers after the last named column: its cells do not match the names."""
         width = len(self.table.names)
         for row in self.rows:
             if any(number_cells.looks_like_number(cell) for cell in row.cells[width:]):
@@ -318,7 +318,11 @@ class _ListReader:
         return any(str(cell).strip() for cell in cells)
 
     def _is_sentence(self, row: Row, above: Row, depth: int) -> bool:
-        """Return whether a row that begins with a number is a sentence below the list, such as "12 stations"."""
+        """
+        Return whether a row that begins with a number is a sentence below the list, such as "12 stations".
+
+        Such a row has words after the number, and the number is not deeper than the row above.
+        """
         words = [str(cell) for cell in row.cells if str(cell).strip() and not number_cells.is_null(cell)]
         if len(words) < 2 or not any(any(c.isalpha() for c in word) for word in words[1:]):
             return False
@@ -332,7 +336,8 @@ class _ListReader:
         """
         Return one column for each quantity.
 
-        Several columns of one quantity must agree. Azimuths from several norths are allowed; one of them is chosen.
+        Several columns of one quantity must agree, otherwise ListFileError is raised. Azimuths from several norths are
+        allowed; the column of one north is chosen.
         """
         chosen = {what: found[0] for what, found in self.of.items()}
         for what, found in self.of.items():
@@ -360,7 +365,7 @@ class _ListReader:
         return found[0]
 
     def _same(self, what: str, found: Sequence[ListColumn]) -> None:
-        """Refuse two columns of the same quantity whose values differ."""
+        """Raise ListFileError if the columns of a quantity differ; columns whose unit is unknown are not compared."""
         values = []
         for one in found:
             try:
@@ -381,7 +386,11 @@ class _ListReader:
     # Reading of numbers and units.
 
     def _mark(self, column: ListColumn) -> str:
-        """Return the decimal mark of a column, from its cells, the other columns, and the range of the quantity."""
+        """
+        Return the decimal mark of a column, from its cells, the other columns, and the range of the quantity.
+
+        The mark is "" if no cell needs one. Raises ListFileError if the marks contradict each other or remain unclear.
+        """
         if self.given.decimal:
             return {"point": ".", "comma": ","}[self.given.decimal]
         cells = self._cells(column)
@@ -400,7 +409,11 @@ class _ListReader:
         return self._decided(column, unclear)
 
     def _decided(self, column: ListColumn, unclear: Sequence[str]) -> str:
-        """Return the decimal mark of a column whose numbers, such as 1,000, allow both readings."""
+        """
+        Return the decimal mark of a column whose numbers, such as 1,000, allow both readings.
+
+        Raises ListFileError if nothing in the list decides.
+        """
         mark = "," if "," in unclear[0] else "."
         other = "." if mark == "," else ","
         if column.quantity in ANGLES:
@@ -445,7 +458,11 @@ class _ListReader:
         return bool(np.all(np.diff(values) >= 0.0))
 
     def _numbers(self, column: ListColumn, *, needed: bool = False) -> Array:
-        """Return the numbers of a column as written; nan if a cell has none."""
+        """
+        Return the numbers of a column as written, shape (n,); nan for an empty cell or a null value.
+
+        Raises ListFileError for a cell that is not a number, and for a row without a cell of a needed column.
+        """
         mark = self._mark(column)
         numbers = np.full(len(self.rows), math.nan)
         for k, (row, cell) in enumerate(zip(self.rows, self._cells(column), strict=True)):
@@ -489,7 +506,11 @@ class _ListReader:
         return not stated or known.get(stated) == known[unit]
 
     def _factor(self, column: ListColumn) -> float:
-        """Return the factor to m or rad; if the column states no unit, the unit in its cells or in the head is used."""
+        """
+        Return the factor to SI units; if the column states no unit, the unit in its cells or in the head is used.
+
+        Raises ListFileError if a length has no unit, or if a unit is not understood.
+        """
         otherwise = ""
         if not (column.unit or column.strange or column.quantity in FIGURES or self._given_unit(column)):
             angle = column.quantity in ANGLES
@@ -534,8 +555,9 @@ class _ListReader:
         """
         Return the unit for a column of lengths whose name and cells have no unit.
 
-        It is the unit that the head states, else that of the other lengths of the list, else that of the datum's
-        elevation or of the coordinates in the head; "" if there is none.
+        The result is the unit that the head states, else that of the other lengths of the list, else that of the
+        datum's elevation or of the coordinates in the head; "" if there is none. Raises ListFileError if the head
+        states a unit that is not understood.
         """
         if self.head.strange_unit:
             raise ListFileError(
@@ -569,7 +591,8 @@ class _ListReader:
         """
         Return the rows as stations in m and rad, in order of depth.
 
-        Rows without depth or inclination are left out.
+        Rows without depth or inclination, projections and surveys that were not in use are left out. Raises
+        ListFileError if no station remains, or if a number, unit, angle or order of depths is not valid.
         """
         angle = "inclination" if "inclination" in self.columns else "dip"
         values = {}
@@ -612,7 +635,7 @@ class _ListReader:
         """
         Return the stations, sorted by depth if the list is a raw log that this program exported.
 
-        A raw log lists surveys in the order in which they were taken. It is refused if it has surveys of several legs.
+        A raw log lists surveys in the order in which they were taken. Raises ListFileError if it has several legs.
         """
         definitive = any(one.texts.get("station") in _START_ROWS for one in found)
         if self.provenance is None or "in_use" not in self.columns or definitive:
@@ -635,7 +658,7 @@ class _ListReader:
             self._say(RemarkKind.NULL_VALUES, text, cells=float(len(nulls)))
 
     def _refuse_radians(self, values: dict[str, Array], angle: str) -> None:
-        """Refuse angles without a stated unit that are all small enough to be radians, and ask for the unit."""
+        """Raise ListFileError if angles have no stated unit and are all small enough to be radians."""
         columns = [self.columns[what] for what in (angle, "azimuth")]
         if self.given.angle_unit or self.head.angle_unit or any(one.unit or self._cell_unit(one) for one in columns):
             return
@@ -652,10 +675,10 @@ class _ListReader:
 
     def _from_horizontal(self, found: list[_ListedStation]) -> list[_ListedStation]:
         """
-        Convert angles from the horizontal to inclinations.
+        Return the stations with inclinations computed from their angles from the horizontal.
 
         The caller decides the sign of the angles, or else the vertical depths, the list, or the convention of the well.
-        A choice of the caller that contradicts the vertical depths is refused.
+        Raises ListFileError if none decides, if the caller contradicts the vertical depths, or for angles above 90 deg.
         """
         column = self.columns["dip"]
         dips = np.array([one.numbers["dip"] for one in found])
@@ -704,7 +727,11 @@ class _ListReader:
         ]
 
     def _increasing(self, rows: list[_ListedStation]) -> list[_ListedStation]:
-        """Check that angles are in range and depths increase; a repeated station is kept once."""
+        """
+        Return the stations with each repeated station once.
+
+        Raises ListFileError if an angle is out of range, or if a depth does not increase.
+        """
         kept: list[_ListedStation] = []
         for row in rows:
             md, inclination, azimuth = (row.numbers.get(what, math.nan) for what in NEEDED)
@@ -730,7 +757,7 @@ class _ListReader:
     # Checks of the stations, and the resulting list.
 
     def list_of(self, rows: list[_ListedStation]) -> StationList:
-        """Return the checked list of stations."""
+        """Return the list of stations; raise ListFileError if depths, doglegs, north or positions fail a check."""
 
         def column(what: str) -> Array:
             return np.array([row.numbers.get(what, math.nan) for row in rows])
@@ -810,7 +837,11 @@ class _ListReader:
         return values if np.isfinite(values).any() or what not in known else np.full_like(values, known[what])
 
     def _north(self, rows: Sequence[_ListedStation]) -> str:
-        """Return the north of the azimuths, as stated by the caller, the rows, the column or the head."""
+        """
+        Return the north of the azimuths, as stated by the caller, the rows, the column or the head; "" if not stated.
+
+        Raises ListFileError if statements of the file contradict each other or are not understood.
+        """
         if self.given.north:
             stated = {list_columns.north_of(row.texts.get("azimuth_reference", "")) for row in rows}
             stated = (stated | {self.columns["azimuth"].north}) - {""} or {self.head.north} - {""}
@@ -867,7 +898,12 @@ class _ListReader:
         return "map_north" in self.columns or self.head.wellhead is not None
 
     def _horizontal(self, md: Array, column: Callable[[str], Array]) -> tuple[Array, Array]:
-        """Return north and east from the wellhead, m; the wellhead is subtracted from map coordinates."""
+        """
+        Return north and east from the wellhead, m, shape (n,) each; nan without columns of both.
+
+        The wellhead is subtracted from map coordinates. Raises ListFileError if the wellhead is needed but unknown, or
+        if offsets and map coordinates in the list contradict each other.
+        """
         local = all(what in self.columns for what in _LOCAL)
         charted = all(what in self.columns for what in _MAP)
         if not local and not charted:
@@ -899,9 +935,10 @@ class _ListReader:
 
     def _in_axes(self, angles: tuple[Array, Array, Array], positions: Array, north: str) -> Array:
         """
-        Rotate map coordinates from grid north to the north of the azimuths if the path of the angles then fits them.
+        Return positions whose map coordinates are rotated from grid north to the north of the azimuths.
 
-        Coordinates that fit already, or would have to be rotated by more than 6 deg, are returned unchanged.
+        They are returned unchanged if they fit the path of the angles already, if the rotation that fits best is above
+        6 deg, or if they do not fit after it.
         """
         offset = float(np.hypot(*positions[0, :2]))
         if fits(angles, positions):

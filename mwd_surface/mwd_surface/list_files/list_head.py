@@ -110,7 +110,11 @@ class Head:
 
 
 def read_head(lines: Iterable[str]) -> Head:
-    """Return the facts in the lines of a head; if two lines state the same fact, the last line counts."""
+    """
+    Return the facts in the lines of a head; if two lines state the same fact, the last line counts.
+
+    Sentences about azimuths that name different norths, or none that is understood, are kept in `strange_north`.
+    """
     head = Head()
     x = y = None
     told: dict[str, str] = {}  # north -> the line that names it

@@ -41,6 +41,8 @@ def offsets_from_wellhead(
     """
     Return north and east from the wellhead, shape (n, 2), m, and remarks on the assumptions.
 
+    Offsets that are near enough to be from the wellhead, or from another point of the site, are returned unchanged.
+
     Parameters
     ----------
     name : str
@@ -96,9 +98,10 @@ def _shifted(
     name: str, pair: Array, wellhead: tuple[float, float], depth: float, first: int, given: Given
 ) -> tuple[Array, tuple[Remark, ...]]:
     """
-    Subtract the wellhead from map coordinates.
+    Return north and east without the wellhead, shape (n, 2), m, and the remarks on the shift.
 
-    Raise ListFileError if the hole cannot reach its first station from the wellhead.
+    first: index of the first station with a position; depth: its measured depth, m. Raises ListFileError if the hole
+    cannot reach this station from the wellhead, unless the caller confirms the wellhead.
     """
     shifted = pair - np.array(wellhead)
     apart = float(np.hypot(*shifted[first]))

@@ -101,7 +101,7 @@ def split(cell: Cell) -> tuple[str, str] | None:
 
 def looks_like_number(cell: Cell) -> bool:
     """
-    Return whether a cell holds a number, with or without a unit, by any decimal mark.
+    Return whether a cell holds a number with a decimal point or comma, and at most 12 characters after the number.
 
     A null value is not a number.
     """

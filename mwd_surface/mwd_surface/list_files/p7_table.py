@@ -33,7 +33,9 @@ def is_p7(text: str) -> bool:
 
 def p7_table(text: str, name: str) -> Table:
     """
-    Return the stations of the first table of a P7/17 file, in the order of its surveys.
+    Return the stations of the first table of a P7/17 file, in the order of the file.
+
+    Projected stations, and stations with status 0 except the first station, are left out.
 
     Raises
     ------
@@ -92,7 +94,8 @@ def _exchanged(rows: list[Row]) -> bool:
     """
     Return whether the records give the easting before the northing.
 
-    Then the differences between first and last record fit the offsets better if the two coordinates are exchanged.
+    The result is true if the differences between first and last record fit the offsets better after an exchange of the
+    two coordinates, and false if a coordinate or offset is missing.
     """
     try:
         first, last = ([float(rows[k].cells[j]) for j in (3, 4, 6, 7)] for k in (0, -1))

@@ -49,7 +49,7 @@ class Provenance:
     remarks: tuple[Remark, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse a reference value whose name is unknown."""
+        """Raise ValueError for a reference value whose name is unknown."""
         if strange := set(self.reference) - set(FIGURES):
             raise ValueError(f"reference: unknown {', '.join(sorted(strange))}")
 

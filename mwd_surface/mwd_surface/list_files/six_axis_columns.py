@@ -119,9 +119,10 @@ class SixAxisColumns:
 
 def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -> SixAxisColumns:
     """
-    Match the columns of a table to their quantities.
+    Return the columns of a table by quantity, with their factors to SI units.
 
-    table, axial: see `six_axis_table.table_rows`, also for the errors.
+    table, axial: as in `six_axis_table.table_rows`. Raises ValueError if a sensor axis is missing, a quantity is given
+    twice, or a unit cannot be inferred.
     """
     if axial not in (None, "x", "z"):
         raise ValueError(f"axial: {axial!r} is not x or z")
@@ -171,7 +172,11 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
 def _triad(
     names: Sequence[str], stems: Sequence[str], units: Mapping[str, float], axial: str | None
 ) -> tuple[str, str, str] | None:
-    """Return the columns of the axial and the two transverse axes of one sensor; None if one of them is missing."""
+    """
+    Return the columns of the axial and the two transverse axes of one sensor; None if one of them is missing.
+
+    Raises ValueError if several columns have the same axis.
+    """
     # The letters are in right-handed order, with the letter of the axis that runs down-hole first.
     letters = {"x": ("x", "y", "z"), "z": ("z", "x", "y"), None: ("", "", "")}[axial]
     found = []
@@ -259,7 +264,7 @@ def _missing(names: Sequence[str], words: str, stems: Sequence[str], axial: str 
 
 
 def _guess(table: Mapping[str, Sequence[Any]], three: Sequence[str], kind: str) -> tuple[float, str]:
-    """Return the unit of a triad, as factor to SI and as name, inferred from the median of the total."""
+    """Return the unit of columns, factor to SI and name, from their median total; raise ValueError if no unit fits."""
     rows = len(table[three[0]])
     total = float(np.nanmedian(np.linalg.norm([numbers(table, name, rows, 1.0) for name in three], axis=0)))
     ranges = {

@@ -73,17 +73,17 @@ def table_rows(
     run: str | None = None,
 ) -> list[TableRow]:
     """
-    Read every row of a six-axis table.
+    Return the rows of a six-axis table, in SI units.
 
-    If the sensor columns of a run have the wrong handedness, sign, order or unit, or a dead axis, all its rows get this
-    fault.
+    If the sensor columns of a run have the wrong handedness, sign, order or unit, or a dead axis, all rows of the run
+    get this fault.
 
     Parameters
     ----------
     table : mapping of str to sequence
         Columns by name.
     override : Reference, optional
-        Reference whose values replace those of the table; the table completes it.
+        Reference whose values replace those of the table; its missing values come from the table.
     axial : str, optional
         Letter of the axis that runs down-hole, x or z, for columns named by letters.
     refine : callable, optional
@@ -94,7 +94,8 @@ def table_rows(
     Raises
     ------
     ValueError
-        A column is missing, given twice or of an unknown unit, or the reference of a row contradicts itself.
+        A column is missing, given twice, of another length or of an unknown unit, or the reference of a row contradicts
+        itself.
     """
     columns = find_columns(table, axial)
     if run is not None:

@@ -18,7 +18,7 @@ from mwd_surface.list_files.remark import Remark, RemarkKind
 WELLHEAD, FIRST_STATION, WITHOUT_POSITION = "wellhead", "first station of the list", "given without a position"
 POSITION = ("north", "east", "tvd")
 # Largest distance between the listed position of the first station and the position computed for a vertical start at
-# the wellhead, m, and share of the depth. The tolerance covers rounding and the differences of calculation methods.
+# the wellhead: this length, m, plus this share of the depth. It covers rounding and different calculation methods.
 _REACHED, _REACHED_SHARE = 0.2, 0.001
 # A station without azimuth counts as vertical up to this inclination, rad; over 30 m the hole then moves sideways by
 # about half a metre.
@@ -92,7 +92,11 @@ class StationList:
 
 
 def carried(azimuth: Array) -> Array:
-    """Fill each missing azimuth with the last known azimuth above, or with the first known azimuth if there is none."""
+    """
+    Return the azimuths, shape (n,), with each missing one replaced by the last known azimuth above it.
+
+    Above the first known azimuth, that azimuth is used; if no azimuth is known, all are 0.
+    """
     known = np.flatnonzero(~np.isnan(azimuth))
     if not known.size:
         return np.zeros_like(azimuth)
@@ -149,7 +153,10 @@ def start_of(stations: StationList) -> Start:
 
 def completed(stations: StationList) -> tuple[Array, Array, Array, tuple[float, float, float], tuple[Remark, ...]]:
     """
-    Return measured depth, inclination and azimuth with the hole above added, the start position, and all remarks.
+    Return measured depth, m, inclination and azimuth, rad, the start position, m, and all remarks of a list.
+
+    If the path starts above the first station, its start is added as the first row. Shapes: (n,) or (n + 1,), and three
+    numbers north, east, down.
 
     A missing azimuth stays nan.
     """

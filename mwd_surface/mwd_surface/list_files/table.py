@@ -81,7 +81,7 @@ class Table:
 
 def read_bytes(path: Path) -> bytes:
     """
-    Read a file of bounded size.
+    Return the bytes of a file, if it is not larger than the budget of lists.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def _decoded(data: bytes, name: str) -> str:
 
 def read_table(path: Path) -> Table:
     """
-    Return the table of a file whose first line that is not a comment holds the column names.
+    Return the named columns of a file; the first line that is not a comment has the names.
 
     Raises
     ------
@@ -229,7 +229,11 @@ def table_of(data: bytes, name: str, is_header: Header | None = None, is_unit: H
 
 
 def _of_sheets(grids: Sheets, name: str, is_header: Header | None, is_unit: Header | None) -> Table:
-    """Return the table of the first sheet that has one."""
+    """
+    Return the table of the first sheet with column names; without any, the first row that is not empty has the names.
+
+    Raises ListFileError if all sheets are empty.
+    """
     found = []
     for sheet, grid in grids:
         where = _header_in(grid, is_header)
@@ -282,9 +286,9 @@ def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header 
 
 def _parted(lines: Sequence[tuple[int, str]], separator: str, name: str) -> tuple[list[Row], dict[int, ListFileError]]:
     """
-    Split the lines into rows.
+    Return the rows of numbered lines, and errors by row number.
 
-    Return also the errors, by row number, of lines that cannot be split and stay one cell.
+    A line that cannot be split becomes a row with one cell, and has an error.
     """
     if separator in (WIDE, SPACE):
         between = re.compile(r"\s{2,}|\t" if separator == WIDE else r"\s+")
@@ -307,7 +311,7 @@ def _parted(lines: Sequence[tuple[int, str]], separator: str, name: str) -> tupl
 
 def _records(lines: Sequence[tuple[int, str]], separator: str, name: str) -> list[Row]:
     """
-    Split the lines into rows; a quoted cell may span a few lines.
+    Return the rows of numbered lines; a quoted cell may span a few lines.
 
     Raises csv.Error if the lines cannot be split this way.
     """
@@ -351,9 +355,9 @@ def _header_in(grid: Sequence[Row], is_header: Header | None) -> tuple[int, int]
 
 def _with_above(grid: Sequence[Row], k: int, count: int, is_header: Header) -> tuple[int, int]:
     """
-    Extend the `count` rows of names, of which row k is the first, upwards to the rows with the best score of the names.
+    Return the index of the first row of column names, and the number of these rows.
 
-    Returns the first row of names and the number of rows.
+    Row k and the `count` - 1 rows below it are names. Rows above them are added if the score of the names then rises.
     """
     best = is_header(_stacked(grid[k : k + count]))
     where = k, count
@@ -370,7 +374,7 @@ def _with_above(grid: Sequence[Row], k: int, count: int, is_header: Header) -> t
 
 
 def _stacked(rows: Sequence[Row]) -> list[str]:
-    """Join names that stand in several rows, column by column."""
+    """Return the column names that stand in several rows, joined column by column."""
     width = max(len(row.cells) for row in rows)
     parts = ([str(row.cells[k]) for row in rows if k < len(row.cells)] for k in range(width))
     return [" ".join(part for part in column if part.strip() and not _RULE.match(part)).strip() for column in parts]
@@ -430,7 +434,7 @@ def _spaced(
 
 
 def _aligned(row: Row, words: Sequence[re.Match[str]], spans: Sequence[tuple[int, int]]) -> Row:
-    """Move each cell of a short row of numbers to the column it stands under; return other rows unchanged."""
+    """Return a short row of numbers with each cell in the column above it; any other row unchanged."""
     if not 1 < len(words) < len(spans) or not all(looks_like_number(word.group()) for word in words):
         return row
     under = [[k for k, span in enumerate(spans) if min(span[1], w.end()) > max(span[0], w.start())] for w in words]
@@ -454,13 +458,13 @@ def _placed_above(words: Sequence[re.Match[str]], spans: Sequence[tuple[int, int
 
 
 def _apart(span: tuple[int, int], word: tuple[int, int]) -> float:
-    """Return the distance of a word from a column: an overlap counts first, then the distance between the centres."""
+    """Return the distance between the centres of a column and a word, characters; plus 1000 if they do not overlap."""
     overlap = min(span[1], word[1]) - max(span[0], word[0])
     return (0.0 if overlap > 0 else 1000.0) + abs(span[0] + span[1] - word[0] - word[1]) / 2.0
 
 
 def _groupings(words: Sequence[str], width: int) -> Iterator[list[str]]:
-    """Yield the ways to split words into `width` names of up to four words each."""
+    """Yield each split of words into `width` names of one to four words, until 20 000 steps of the search are done."""
     most = 20_000
     stack: list[tuple[int, list[str]]] = [(0, [])]
     while stack and most:
@@ -482,7 +486,7 @@ def _assembled(
     is_unit: Header | None,
     comments: Sequence[str],
 ) -> Table:
-    """Assemble the table below its names, without repeated names, ruled lines and empty rows."""
+    """Return the table below its names, without repeated names, ruled lines and empty rows; where: see `_header_in`."""
     first, count = where
     head = [*comments, *(" ".join(str(c) for c in row.cells if str(c)) for row in grid[:first])]
     above = {_plain(row) for row in grid[first : first + count]} | {_plain(row) for row in grid[:first]}

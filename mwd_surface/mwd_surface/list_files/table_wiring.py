@@ -77,12 +77,16 @@ def accelerometers(columns: tuple[str, str, str], f_t: Array, unit: float) -> Se
 
 
 def magnetometers(columns: tuple[str, str, str], b_t: Array, total: float, unit: float) -> Sensor:
-    """Return the magnetometers of a run; b_t: T, shape (n, 3); total: reference field, T, or nan; unit: T."""
+    """Return the magnetometers of a run; b_t: T, (n, 3); total: reference field, T, or nan; unit: of the columns, T."""
     return Sensor(columns, b_t, total, _FIELD_SHARE, unit, _FIELDS)
 
 
 def wiring_faults(force: Sensor, field: Sensor, expected: ExpectedRows) -> tuple[Reason, ...]:
-    """Return the faults of the sensor columns of a run, with the column names of the table; empty if none is found."""
+    """
+    Return the faults of the sensor columns of a run, with the column names of the table; empty if none is found.
+
+    Rows with a reading that is not finite or is zero are not examined. With a dead axis, the wiring is not examined.
+    """
     usable = np.isfinite(force.values).all(axis=1) & np.isfinite(field.values).all(axis=1)
     usable &= (np.linalg.norm(force.values, axis=1) > 0.0) & (np.linalg.norm(field.values, axis=1) > 0.0)
     at = np.flatnonzero(usable)
@@ -124,7 +128,11 @@ def _unit_of(sensor: Sensor, values: Array) -> str | None:
 
 
 def _dead(sensor: Sensor, values: Array) -> int | None:
-    """Return the index of an axis that is constant although total and other axes require a change, or None."""
+    """
+    Return the index of an axis that is constant although total and other axes require a change; None without one.
+
+    The result is also None with fewer than three rows or an unknown total.
+    """
     if len(values) < _LEAST_ROWS or not math.isfinite(sensor.total):
         return None
     moved = np.ptp(values, axis=0) / sensor.total
@@ -142,9 +150,9 @@ def _dead(sensor: Sensor, values: Array) -> int | None:
 
 def _ways() -> tuple[Array, list[int]]:
     """
-    Return the 48 ways to order and sign three axes, simplest first, shape (48, 3, 3).
+    Return the 48 wirings of three axes as signed permutation matrices, shape (48, 3, 3), and their mistakes.
 
-    Return also the number of mistakes in each way.
+    The second result is the number of mistakes in each wiring; the wirings are in the order of this number.
     """
     ways = []
     for order in itertools.permutations(range(3)):

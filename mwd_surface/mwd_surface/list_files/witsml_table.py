@@ -88,7 +88,11 @@ def _children(element: Any, tag: str) -> list[Any]:
 
 
 def _text(element: Any, tag: str) -> str:
-    """Return the text of a child, or of the elements inside the child, such as the title in a citation."""
+    """
+    Return the text of the first element of this name inside an element; "" if there is none.
+
+    In a trajectory only the elements before its first station are searched.
+    """
     for child in element.iter():
         if child is not element and _tag(child) == tag:
             return " ".join("".join(child.itertext()).split())
@@ -98,7 +102,11 @@ def _text(element: Any, tag: str) -> str:
 
 
 def _measure(station: Any, what: str, tag: str, at: str) -> Cell:
-    """Return a measure of a station in m or rad; empty text if the station has none."""
+    """
+    Return a measure of a station in m or rad; empty text if the station has none.
+
+    Raises ListFileError if md or inclination is missing, or if a number or unit is not valid.
+    """
     found = _children(station, tag)
     if not found:
         if what in ("md", "inclination"):

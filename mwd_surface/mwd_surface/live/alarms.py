@@ -53,7 +53,11 @@ class Alarm(MessageRecord):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Event(MessageRecord):
-    """One line of the log, with the fields of mwd_msgs/Event; `source` is the id of an alarm or the name of a part."""
+    """
+    One line of the log, with the fields of mwd_msgs/Event.
+
+    source: id of an alarm, or a word for the origin of the event, such as "survey".
+    """
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/Event"
 
@@ -103,7 +107,8 @@ class AlarmBook:
         Raise an alarm because its cause is present, or update the alarm if it is raised already.
 
         Returns the alarm, and whether it is new, has come back or has become more severe. An alarm that comes back or
-        becomes more severe must be acknowledged again; the count of an alarm that comes back rises by one.
+        becomes more severe must be acknowledged again; the count of an alarm that comes back rises by one. A new alarm
+        for which there is no room is returned with False, and is not kept.
 
         Raises
         ------

@@ -43,7 +43,11 @@ class ClearanceMonitor:
         self._busy = False
 
     def update(self, surveys: SurveyList, bit_depth: float | None) -> None:
-        """Start a comparison if list, plan or bit depth, m, have changed; called once a second."""
+        """
+        Start a comparison if the list or plan has changed, or the bit has moved by 5 m; called once a second.
+
+        bit_depth: m, or None. Nothing is started while a comparison runs, or if the list has no surveys.
+        """
         plan = self._plan.plan
         if self._busy or not surveys.records or self._is_compared(surveys, plan, bit_depth):
             return
@@ -92,7 +96,11 @@ class ClearanceMonitor:
 
 
 def _compare(surveys: SurveyList, plan: Plan | None, bit_depth: float | None) -> WellClearance | str | None:
-    """Compare a well with its offset wells; return a sentence if they cannot be compared, None without offset wells."""
+    """
+    Return the clearance of a well to its offset wells; None without offset wells.
+
+    If the wells cannot be compared, the result is a sentence with the reason.
+    """
     try:
         try:
             offsets = offset_wells_of(surveys)

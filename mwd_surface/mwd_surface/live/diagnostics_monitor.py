@@ -60,7 +60,7 @@ class DiagnosticsMonitor:
         self._live.show(self._clock.now, well=well, reference_given=self.reference)
 
     def on_diagnostics(self, array: Any) -> None:
-        """Accept the diagnostics of a node, diagnostic_msgs/DiagnosticArray."""
+        """Accept the diagnostics of a node, diagnostic_msgs/DiagnosticArray; those of other wells are ignored."""
         ours = [s for s in array.status if s.hardware_id == self._namespace]
         if ours:
             node = ours[0].name.partition(":")[0]

@@ -93,8 +93,8 @@ class InputMonitor:
         """
         Return the time at which a sample was measured, s.
 
-        name is SONDE, or any other word for the source of rig data in force. now is the time of arrival, s. It is
-        returned if the stamps are simulated time or come from the surface's own clock, or if no offset is known yet.
+        name is SONDE, or any other word for the source of rig data in force. now is the time of arrival, s. This time
+        is returned if the stamps are simulated time or from the surface's own clock, or if no offset is known yet.
         """
         source = name if name == SONDE else short_name(self._selection.source or "")
         clock = self._clocks.get(source)

@@ -120,7 +120,11 @@ class InputClock:
         return min(now, well.seconds(stamp_ns) - offset) if self._best else now
 
     def state(self, name: str, clock: StampClock, host_ns: int, now: float) -> InputState:
-        """Return the state of the input at `now`; data stamped by the surface itself have the offset 0."""
+        """
+        Return the state of the input at `now`, s; only name and clock before the first data.
+
+        host_ns: the surface's time at `now`, ns. Data stamped by the surface itself have the offset 0.
+        """
         if self._stamp_ns is None:
             return InputState(name, clock)
         _, at, offset = max(self._best, key=lambda row: row[2])
@@ -146,7 +150,11 @@ class DepthSources:
         self._block: tuple[float, float] | None = None
 
     def take(self, frame: str, bit_depth: float, now: float) -> None:
-        """Accept a valid bit depth, m, of any source, in force or not."""
+        """
+        Accept a valid bit depth, m, of any source, in force or not.
+
+        If the source in force agrees with a depth by hand within `DISAGREEMENT`, the depth by hand ends.
+        """
         self._depths[short_name(frame)] = (now, bit_depth)
         if self._hand is not None and self._is_source(frame) and abs(bit_depth - self._hand[1]) <= DISAGREEMENT:
             self._hand = None
@@ -164,7 +172,11 @@ class DepthSources:
         return self._live(now).get(short_name(self._selection.source or ""))
 
     def by_hand(self, now: float) -> float | None:
-        """Return the depth by hand, m, if it has precedence over all sources; else None."""
+        """
+        Return the depth by hand, m, if it has precedence over all sources; else None.
+
+        A depth by hand has precedence for `hand_hold` after it was set, and then as long as no source sends a depth.
+        """
         held = self._hand is not None and now - self._hand[0] <= self._selection.rules.hand_hold
         return self._hand[1] if self._hand is not None and (held or not self._live(now)) else None
 

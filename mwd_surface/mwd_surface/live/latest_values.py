@@ -141,7 +141,11 @@ class LatestValues:
             s.seconds.append([second, count])
 
     def put(self, name: str, value: float, sigma: float | None, now: float, measured_at: float | None = None) -> None:
-        """Store a finite value; a sigma that is not finite is unknown. measured_at, s, is `now` if it is None."""
+        """
+        Store a finite value that arrived at `now`, s; a sigma that is not finite is unknown.
+
+        measured_at: time of measurement, s; None: the time of arrival.
+        """
         latest = self._values[name]
         latest.measured_at = now if measured_at is None else measured_at
         latest.value, latest.at, latest.withheld = value, now, ""

@@ -72,7 +72,11 @@ class LinkMonitor:
         self._show()
 
     def on_quality(self, quality: Any) -> None:
-        """Accept the state of a link, mwd_msgs/LinkQuality."""
+        """
+        Accept the state of a link, mwd_msgs/LinkQuality, and set the alarms of doubtful links and links without input.
+
+        A link without input raises no alarm before its first samples, nor after the end of a simulation.
+        """
         if self._collector(quality.link) is None:
             return
         status = LinkStatus.from_message(quality)

@@ -208,7 +208,7 @@ class LiveState:
             self.on_toolface(reading, now, why)
 
     def on_toolface(self, reading: ToolfaceReading, now: float, why: str = "not available") -> None:
-        """Accept a toolface; why is the reason to show if the toolface has no sigma."""
+        """Accept a toolface; why is the reason to show if angle or sigma is not finite, or the sigma is too large."""
         self.toolface_reading = reading
         self._angle("toolface", reading.angle, reading.sigma, why, now)
         self._touch("toolface", now)
@@ -230,7 +230,11 @@ class LiveState:
         self._put("rotary_speed", float(known["rotary_speed"][-1]), None, now)
 
     def on_dynamics(self, samples: Samples, now: float) -> None:
-        """Accept summaries of drilling dynamics, `wire.DYNAMICS`; only the last one is used."""
+        """
+        Accept summaries of drilling dynamics, `wire.DYNAMICS`; only the last one is used.
+
+        If this one has no stick-slip index, the stick-slip is withheld with the reason "not turning".
+        """
         if len(samples) == 0:
             return
         self.on_stream("dynamics", len(samples), now)
@@ -251,7 +255,11 @@ class LiveState:
             self._put(name, float(last[field]), None, now)
 
     def on_temperature(self, samples: Samples, now: float) -> None:
-        """Accept temperatures of the sonde, `wire.TEMPERATURE`; a variance of 0 means unknown."""
+        """
+        Accept temperatures of the sonde, degC, `wire.TEMPERATURE`; a variance of 0 means unknown.
+
+        Only the last one is used; a temperature outside `_COLDEST` to `_HOTTEST` is withheld with a reason.
+        """
         if len(samples) == 0:
             return
         self.on_stream("sonde", len(samples), now)
@@ -267,7 +275,11 @@ class LiveState:
             )
 
     def on_magnetic_field(self, samples: Samples, now: float) -> None:
-        """Accept magnetic fields, `wire.MAG`; the mean of their strengths is shown."""
+        """
+        Accept magnetic fields, `wire.MAG`; the mean of their strengths is shown.
+
+        The mean is withheld while the estimator reports that the magnetometer cannot be used.
+        """
         if len(samples) == 0:
             return
         self.on_stream("sonde", len(samples), now)
@@ -308,7 +320,11 @@ class LiveState:
         self._in_slips = bool(last["in_slips"]) if valid & RIG_VALID["in_slips"] else None
 
     def on_log_depth(self, depth: float | None) -> None:
-        """Set the depth of the sensor, m, to which the next values belong; None while no hole is drilled."""
+        """
+        Set the depth of the sensor, m, to which the next values belong; None while no hole is drilled.
+
+        A depth that is negative or not finite counts as None.
+        """
         self._log_depth = depth if depth is not None and math.isfinite(depth) and depth >= 0.0 else None
         if self._log_depth is not None:
             self._log.advance(self._log_depth)
@@ -345,7 +361,7 @@ class LiveState:
         return RigState(**self._fields("rig", now), in_slips=self._in_slips)
 
     def streams(self, now: float) -> dict[str, StreamState]:
-        """Return the streams by name at `now`."""
+        """Return the state of each stream at `now`, by name."""
         return self._values.streams(now)
 
     def _attitude(self, now: float) -> AttitudeState:

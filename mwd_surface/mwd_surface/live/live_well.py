@@ -466,10 +466,11 @@ class SlideRecorder:
 
     def on_rig_state(self, samples: Samples, bit_depth: float | None, sensor_to_bit: float) -> None:
         """
-        Accept rig data, `wire.RIG_STATE`.
+        Accept rig data, `wire.RIG_STATE`; only the last sample is used.
 
         bit_depth: accepted bit depth, m; None without a bit depth, or if the last reading was not accepted.
-        sensor_to_bit: distance along the hole from the sensor to the bit, m.
+        sensor_to_bit: distance along the hole from the sensor to the bit, m. Without bit depth or valid depths of bit
+        and hole, and with the bit more than `_ON_BOTTOM` above the bottom of the hole, nothing is recorded.
         """
         last = samples[-1]
         valid = int(last["valid"])
@@ -497,7 +498,7 @@ class SlideRecorder:
         self._sheet.forget_depth()
 
     def finish(self) -> None:
-        """End the current interval; the next run of the surface continues after it."""
+        """End the current interval; the slide sheet continues after this interval when the surface is started again."""
         self._keep(self._sheet.finish())
 
     def _keep(self, stretch: DrilledStretch | None) -> None:
@@ -532,7 +533,7 @@ _TRAILING = 2.0
 
 class SupervisionMonitor:
     """
-    Monitor of the nodes of one well by the table of `live.supervision`, whose alarms it raises.
+    Monitor of the nodes of one well: evaluates the table of `live.supervision` and raises the alarms of the table.
 
     Attributes
     ----------

@@ -44,7 +44,11 @@ class LogMonitor:
         self._retry_at = -math.inf
 
     def on_sample(self, message: Any) -> None:
-        """Accept a mwd_msgs/LogSample."""
+        """
+        Accept a mwd_msgs/LogSample of the link in use, for curves, tool health and journal.
+
+        Samples of other links, and samples that the log does not accept, are ignored.
+        """
         sample = LogSample.from_message(message)
         if of_link(sample, self._source) and self._log.add([sample]):
             self._book.health.add(sample)

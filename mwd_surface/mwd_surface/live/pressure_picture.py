@@ -62,7 +62,9 @@ class PressureHistory:
         """
         Accept a burst; return whether a new spectrum was computed.
 
-        An integer number of samples is averaged, so that the rate comes as near as possible to `RATE_HZ`.
+        start_ns: stamp of the first sample; period_s: time between two samples, s; pressure_pa: shape (n,), Pa. An
+        integer number of samples is averaged, so that the rate comes as near as possible to `RATE_HZ`. A burst that
+        starts more than `STEP_S` before the end of the last one clears the history.
         """
         if start_ns < self._end_ns - round(1e9 * STEP_S):
             self._samples, self._spectra = np.zeros(0), []

@@ -109,7 +109,11 @@ class StreamDecoder:
         handler(samples, now)
 
     def _of_one_source(self, topic: str, messages: list[bytes], now: float) -> list[bytes]:
-        """Return the messages of the source in force; messages of other sources are recorded but not used."""
+        """
+        Return the messages of the source in force, and the messages whose header cannot be read.
+
+        The rig data of every source are first passed to `on_rig_input`; other messages of other sources are not used.
+        """
         heads = {message[_FRAME] for message in messages}
         selection = self._sources[topic]
         if len(heads) == 1 and selection.source is not None and not selection.others(now):

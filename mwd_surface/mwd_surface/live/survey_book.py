@@ -142,7 +142,11 @@ class SurveyBook:
             self.depth.note_sonde(int(samples["stamp_ns"][-1]))
 
     def on_survey(self, survey: Survey) -> str:
-        """Add a survey of the estimator to the list; return the outcome in words."""
+        """
+        Add a survey of the estimator to the list with the depth at its time; return the outcome in words.
+
+        A survey that the list refuses raises an alarm; a survey that is in the list already changes nothing.
+        """
         at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_offset)
         known = any(r.survey.uuid == survey.uuid for r in self.surveys.records)
         try:
@@ -166,7 +170,12 @@ class SurveyBook:
         return outcome(survey, record)
 
     def on_revision(self, survey: Survey) -> None:
-        """Apply a revised survey of the estimator, and log the changed station and the movement of the path."""
+        """
+        Apply a revised survey of the estimator, and log the changed station and the movement of the path.
+
+        A station that leaves or joins the path, or whose azimuth moved by more than 1 sigma, raises an alarm. A
+        revision that the list refuses is only logged; a revision without effect on the list is ignored.
+        """
         before = self.surveys
         try:
             surveys = self.surveys.revise(survey)
@@ -289,7 +298,7 @@ class SurveyBook:
             self._live.show(self._clock.now, covariance=self._covariance)
 
     def update_projection(self) -> None:
-        """Show projection and offset from the plan again if the bit has moved; called once a second."""
+        """Show projection and offset from the plan again if the bit has moved by `_BIT_STEP`; called once a second."""
         bit = self.bit_depth
         if bit is None or (self._shown_bit is not None and abs(bit - self._shown_bit) < _BIT_STEP):
             return
@@ -299,7 +308,7 @@ class SurveyBook:
 
 def _uncertain(surveys: SurveyList, path: Definitive, made_ns: int) -> tuple[Array | None, dict[str, Any]]:
     """
-    Return the covariance of a path's stations, and parts of the state of a mine hole by their names.
+    Return the covariance of a path's positions, (n, 3, 3), m^2, or None, and parts of the state of a mine hole by name.
 
     The parts are its deviation from the plan, deepest first, its branches, and its closure on a surveyed point.
     """

@@ -30,7 +30,11 @@ GRAVITY, MAGNETIC = ToolfaceMode
 
 @dataclasses.dataclass(frozen=True)
 class ToolfaceReading:
-    """A toolface, as mwd_msgs/Toolface: angle and sigma in rad, NaN if it is not available; rotary speed in rad/s."""
+    """
+    A toolface, as mwd_msgs/Toolface: angle and sigma in rad, NaN if not available; rotary speed in rad/s.
+
+    rotating: whether the string rotates, or has turned so lately that the toolface is not settled.
+    """
 
     stamp_ns: int
     mode: ToolfaceMode

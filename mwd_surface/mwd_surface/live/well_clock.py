@@ -2,8 +2,8 @@
 """
 Time of a well: set by the node or viewer that passes the messages, read by the parts of the well.
 
-It is the time of arrival of messages, which is the log time of a recording. The live node sets it from its own steady
-clock, the viewer of a recording from the log times. No module of this package reads a clock of the machine.
+The time is that of the arrival of messages, which is the log time of a recording. The live node sets the time from its
+own steady clock, the viewer of a recording from the log times. No module of this package reads a clock of the machine.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
 
 def _doubt(state: WellState) -> tuple[Condition, str] | None:
     """
-    Return condition and reason of values at the bit that are not good; None if nothing makes them doubtful.
+    Return condition and reason of values at the bit that are stale or doubtful; None if they are good.
 
     Values are stale if the bit depth is old, and doubtful if the start of the path is assumed.
     """

@@ -86,8 +86,9 @@ class RigInputCounts:
     """
     Counts of rig data.
 
-    taken: samples returned. refused: impossible values. held: depths that no later reading has confirmed yet. hurried:
-    sets of readings dropped because of their stamp, which is too soon after the last sample or earlier than it.
+    taken: samples returned. refused: impossible values, and depths of a bit below the bottom of the hole. held: depth
+    readings that were not accepted because they jump or have an earlier stamp, and are not confirmed. hurried: sets of
+    readings dropped because their stamp is earlier than the last sample, or too soon after it.
     """
 
     taken: int = 0
@@ -118,9 +119,10 @@ class RigInput:
         """
         Return one sample, `wire.RIG_STATE`, shape (1,), from simultaneous readings; None if no reading is accepted.
 
-        Readings with a stamp before the last sample, or too soon after it, are counted and dropped. Several stamps in a
-        row that are earlier by more than a minute show a clock that was set back, and are accepted; a single earlier
-        stamp is from a second clock.
+        readings: SI values by field name of RigState. Readings with a stamp before the last sample, or too soon after
+        it, are counted and dropped. `confirm` stamps in a row that are earlier by more than a minute show a clock that
+        was set back; the last of them is accepted. Fewer such stamps are from a second clock. If the bit is deeper than
+        the hole by more than `slack`, both depths are dropped.
         """
         later_ns = NANOSECONDS if self._last_ns is None else stamp_ns - self._last_ns
         self._earlier = self._earlier + 1 if later_ns <= -_SET_BACK_NS else 0

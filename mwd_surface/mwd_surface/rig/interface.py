@@ -133,7 +133,11 @@ class LoopInterface(RigInterface):
 
     @property
     def wake(self) -> asyncio.Event:
-        """Event that is set when new values arrive and when the interface must stop; the coroutine clears it."""
+        """
+        Event that is set when new values arrive and when the interface must stop; the coroutine clears the event.
+
+        Raises RuntimeError before the first start.
+        """
         if self._wake is None:
             raise RuntimeError(f"{self.name} is not running")
         return self._wake
@@ -226,7 +230,7 @@ class LoopInterface(RigInterface):
 
 def optional(module: str, package: str, what: str, floor: tuple[int, int] = (0, 0)) -> ModuleType:
     """
-    Import a module of an optional package, and check that the package has at least version `floor` (major, minor).
+    Return a module of an optional package, if the package has at least version `floor` (major, minor).
 
     what: name of the feature that needs the package, for messages.
 

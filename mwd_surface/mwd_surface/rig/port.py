@@ -236,7 +236,7 @@ class RigPort:
                 interface.publish(self._values)
 
     def _watch(self) -> None:
-        """Start again interfaces that are down, and publish the last values as stale when no new values come."""
+        """Start again interfaces that are down, and publish the last values as unusable when no new values come."""
         tried = self._clock()
         while not self._ended.wait(min(_LOOK, self.settings.retry_period)):
             now = self._clock()

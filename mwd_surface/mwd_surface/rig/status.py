@@ -43,7 +43,7 @@ class RigStatus:
     interfaces: tuple[InterfaceStatus, ...]
 
     def alive(self, now: float) -> bool:
-        """Return whether the status was written by a surface node that still runs; now: s since the epoch."""
+        """Return whether the status is less than `LASTS` s old: its surface node still runs; now: s since the epoch."""
         return -LASTS < now - self.written < LASTS
 
 
@@ -62,7 +62,7 @@ def write_status(path: Path, status: RigStatus) -> None:
 
 def read_status(path: Path) -> RigStatus:
     """
-    Read a status file.
+    Return the status in a file.
 
     Raises
     ------

@@ -29,8 +29,8 @@ class AzimuthSource:
     Attributes
     ----------
     known : bool
-        Whether the sensors are known; false if the survey has no azimuth, or has the angle only (imported list,
-        telemetry link).
+        Whether the sensors are known; false if the survey has no azimuth, or an azimuth without a method (imported
+        list, telemetry link).
     gyro_share : float
         Share of the gyro (north seeking) in the information about the azimuth, 0 to 1.
     without_axial : bool
@@ -76,7 +76,7 @@ class AzimuthSource:
 
     @property
     def words(self) -> str:
-        """Composition of the azimuth as a text for people; empty if it is unknown."""
+        """Composition of the azimuth as a text for people; empty if the sensors are unknown."""
         if not self.known:
             return ""
         if not self.magnetic:
@@ -90,7 +90,8 @@ def azimuth_source(survey: Survey) -> AzimuthSource:
     """
     Return the composition of a survey's azimuth.
 
-    In older lists, an azimuth is from a single method, and the name of the method shows the sensors.
+    If the survey has no azimuth, or its method is unknown, `known` is false. In older lists, an azimuth is from a
+    single method, and the name of the method shows the sensors.
     """
     method = survey.azimuth_method
     if not survey.has_azimuth or method not in set(AzimuthMethod) - {AzimuthMethod.NONE}:

@@ -17,10 +17,10 @@ class Branch:
     """
     A branch of the hole.
 
-    parent: name of the leg that the branch leaves. current: whether the next surveys belong to the branch.
-    measured_depth, inclination, azimuth, position: depth, m, direction, rad, and position (north, east, down from the
-    opening, m) of the point where the branch leaves its parent. end: measured depth of the last station of the branch,
-    m.
+    name, parent: names of the leg that is the branch, and of the leg that the branch leaves. current: whether the next
+    surveys belong to the branch. measured_depth (m), inclination, azimuth (rad), position (north, east, down from the
+    opening, m): kick-off point, where the branch leaves its parent. end: measured depth of the last station of the
+    branch, m; of the kick-off point if the branch has no station.
     """
 
     name: str
@@ -66,8 +66,8 @@ def others(surveys: SurveyList, path: Definitive) -> tuple[tuple[str, Array], ..
     """
     Return the parts of the hole that are not on the given path: name of the leg, and positions.
 
-    positions: shape (n, 3), north, east, down from the opening, m. The first position is the point where the part
-    leaves the path or its own parent. Parts without a station of their own are left out.
+    positions: shape (n, 3), north, east, down from the opening, m. The first position is the point where that leg
+    leaves the path or its own parent. Legs without a station of their own below this point are left out.
     """
     lineage = _lineage(surveys, path.leg)
     # A leg may leave its parent above the point where the parent itself begins: then the path contains no part of the

@@ -47,7 +47,11 @@ PASS, DOUBTFUL, FAIL = "pass", "doubtful", "fail"
 
 @dataclass(frozen=True)
 class Bias:
-    """Bias of one transverse axis: sensor, axis, value with 1 sigma, and 1 sigma of the tool code, m/s^2 or T."""
+    """
+    Bias of one transverse axis: value with 1 sigma, and 1 sigma of the tool code (`expected`), m/s^2 or T.
+
+    sensor: "accelerometer" or "magnetometer". axis: "y" or "z".
+    """
 
     sensor: str
     axis: str
@@ -95,7 +99,8 @@ def check_shots(
     md : array_like, shape (n,)
         Measured depth, m; a survey with NaN is not compared.
     f_t, b_t : array_like, shape (n, 3)
-        Readings in tool axes, m/s^2 and T; surveys with a reading that is not finite are left out.
+        Readings in tool axes, m/s^2 and T. A survey is left out if a reading is not finite, the force is at most
+        1 m/s^2 or the field at most 1 uT.
     errors : SensorErrors
         Errors of the tool code.
     tools : sequence of str, optional
@@ -104,7 +109,7 @@ def check_shots(
     Returns
     -------
     tuple of CheckShot
-        Comparisons by depth; empty if nothing was repeated.
+        Comparisons in the order of depth; empty if no survey was repeated.
 
     Raises
     ------
@@ -136,9 +141,10 @@ def _compared(
     md: Array, rows: list[int], force: Array, field: Array, errors: SensorErrors, tools: list[str]
 ) -> CheckShot:
     """
-    Compare the shots at one depth.
+    Return the comparison of the shots at one depth.
 
-    md: measured depth of each shot, m, shape (n,); the direction of the hole may change between the shots.
+    md: measured depth of each shot, m, shape (n,); the direction of the hole may change between the shots. rows:
+    indices of the shots in the input of `check_shots`. force, field: readings in tool axes, m/s^2 and T, shape (n, 3).
     """
     inclinations, azimuths = inclination(force), magnetic_geometry.raw_azimuth(force, field)
     first = float(azimuths[0])
@@ -184,7 +190,12 @@ def _compared(
 
 
 def _covariance(force: Array, field: Array, errors: SensorErrors, tools: list[str]) -> Array:
-    """Return the covariance of (inclination, raw azimuth) of n shots due to tool errors, rad^2, shape (2, 2, n, n)."""
+    """
+    Return the covariance of (inclination, raw azimuth) of n shots, rad^2, shape (2, 2, n, n).
+
+    The covariance is that of the errors of the tool code, which shots of the same tool share, and of the repeatability
+    of each reading.
+    """
     slopes = magnetic_geometry.angle_jacobian(force, field)[:, :2]
     count = len(force)
     # Errors of a tool common to all its shots: bias and scale of each axis, axial interference, misalignment in the
@@ -218,9 +229,10 @@ def _covariance(force: Array, field: Array, errors: SensorErrors, tools: list[st
 
 def _biases(force: Array, field: Array, errors: SensorErrors) -> tuple[Bias, ...]:
     """
-    Return the biases of the transverse sensors of one rotated tool; empty if they cannot be estimated.
+    Return the biases of the y and z sensors of one rotated tool; empty if the toolfaces do not allow an estimate.
 
-    The transverse readings at several toolfaces lie on a circle, whose centre is the pair of biases.
+    The y and z readings at several toolfaces lie on a circle, whose centre is the pair of biases. At least three shots
+    and no gap of 180 deg between toolfaces are needed. Sensors with a circle that is too small are left out.
     """
     faces = np.sort(np.asarray(gravity_toolface(force)))
     gaps = np.diff([*faces, faces[0] + math.tau])

@@ -65,7 +65,8 @@ def closure(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecor
     Return the closure of a path of the list on the surveyed point of the well; None if no point is given.
 
     records: record of each station of the path; None for tie-ons and the projection to the bit. If the point belongs to
-    another leg, the path of that leg is used.
+    another leg, the path of that leg is used. If the closure error cannot be computed, the result has only a note with
+    the reason.
     """
     mine = surveys.well.mine
     point, opening = mine.closure_point, mine.opening
@@ -132,7 +133,7 @@ def _with_station(
     path: Definitive, records: list[SurveyRecord | None], depth: float
 ) -> tuple[Definitive, list[SurveyRecord | None], int]:
     """
-    Return the path with a station at a measured depth, its records, and the index of the station.
+    Return the path with a station at a measured depth, the records of its stations, and the index of that station.
 
     depth: m; a station is inserted unless the path has one there. The record of an inserted station is None.
     """

@@ -2,8 +2,8 @@
 """
 Measured depth of a survey: the rig's bit depth at the time of the survey, minus the distance from sensor to bit.
 
-Rig data contains placeholders, spikes and gaps. A reading that is not a depth is counted and dropped. A jump faster
-than a string can move, and a jump back in time, is accepted only when later readings confirm it. A survey gets its
+Rig data contains placeholders, spikes and gaps. A reading that is not a depth is counted and dropped. Jumps faster
+than a string can move, and jumps back in time, are accepted only when later readings confirm them. A survey gets its
 depth only from readings near its own time, and the time between reading and survey is stored. If two depth sources
 alternate, or the clock of the rig differs from that of the sonde, the survey gets no depth but a reason. Stamps are in
 ns, depths in m.
@@ -137,15 +137,19 @@ class DepthTrack:
     @property
     def clock_difference(self) -> float | None:
         """
-        Rig clock minus sonde clock, s; None if there are too few data.
+        Rig clock minus sonde clock, s; None before 10 rig readings have arrived after a sonde sample.
 
-        The stamp of each rig reading is compared with the newest sonde stamp at its arrival. The smallest difference
-        counts.
+        The stamp of each rig reading is compared with the newest sonde stamp at the arrival of the reading. The
+        difference of smallest magnitude in the last 60 readings is used.
         """
         return min(self._clocks, key=abs) if len(self._clocks) >= _FEWEST else None
 
     def note_sonde(self, stamp_ns: int) -> None:
-        """Store the time of a sonde sample that has arrived; the next depth readings are compared with it."""
+        """
+        Store the time of a sonde sample that has arrived; the next depth readings are compared with this time.
+
+        A time before the stored one is ignored, unless it is more than 60 s before: the sonde has then restarted.
+        """
         newest = self._sonde_ns
         if newest is None or stamp_ns > newest or newest - stamp_ns > _NEW_START_NS:
             self._sonde_ns = stamp_ns
@@ -194,7 +198,7 @@ class DepthTrack:
         return True
 
     def _go_back(self, stamp_ns: int, bit_depth: float) -> bool:
-        """Process a reading that is older than the latest one; return whether it is accepted now."""
+        """Process a reading older than the latest one by the rules of `update`; return whether it is accepted now."""
         if (self._stamps[-1] - stamp_ns) * NS <= self.rules.bridge:
             return False
         sonde_ns = self._sonde_ns
@@ -223,7 +227,7 @@ class DepthTrack:
         """
         Return whether a reading fits the last accepted reading before its time.
 
-        It fits if it is at most `rules.bridge` later and the string can move that far in the time between.
+        The reading fits if it is at most `rules.bridge` later and the string can move that far in the time between.
         """
         at = bisect.bisect_left(self._stamps, stamp_ns) - 1
         return (
@@ -233,7 +237,7 @@ class DepthTrack:
         )
 
     def _remove_from(self, stamp_ns: int) -> None:
-        """Remove the readings at and after a time, because their depths or stamps were wrong."""
+        """Remove the readings at and after a time, because they were wrong; forget all jumps and dropped readings."""
         at = bisect.bisect_left(self._stamps, stamp_ns)
         del self._stamps[at:], self._depths[at:], self._by_hand[at:]
         self._waiting = []
@@ -242,7 +246,9 @@ class DepthTrack:
 
     def set_by_hand(self, stamp_ns: int, bit_depth: float) -> None:
         """
-        Set a bit depth given by a person, without a jump test. Later readings must agree with it.
+        Set a bit depth given by a person, without a jump test.
+
+        Readings at and after the time are removed. The jump test compares further readings with the given depth.
 
         Raises
         ------
@@ -256,11 +262,13 @@ class DepthTrack:
 
     def sensor_depth(self, stamp_ns: int, sensor_to_bit: float) -> DepthReading:
         """
-        Return the depth of the sensor at a time: bit depth minus `sensor_to_bit`, m.
+        Return the depth of the sensor at a time: bit depth minus `sensor_to_bit`, m; NaN with a reason if unknown.
 
         Between two readings at most `rules.bridge` apart, the bit depth is interpolated linearly, and `depth_age` is
         the time to the nearer reading. Otherwise the last reading before the time is used, and `depth_age` is the time
         since that reading. A time before all readings gets the first reading if that reading is within `rules.bridge`.
+        There is no interpolation towards a depth set by hand. The depth is unknown if there are no readings near the
+        time, the clocks of rig and sonde differ, two depth sources alternate, or the sensor is above the datum.
 
         Raises
         ------
@@ -312,7 +320,7 @@ class DepthTrack:
         return ""
 
     def _clock_doubt(self) -> str:
-        """Return a sentence on the difference between the clocks of rig and sonde; empty if they agree."""
+        """Return a sentence if the clocks of rig and sonde differ by more than `rules.clock_limit`; otherwise empty."""
         apart = self.clock_difference or 0.0
         if abs(apart) <= self.rules.clock_limit:
             return ""

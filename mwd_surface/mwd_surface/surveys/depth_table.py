@@ -42,7 +42,8 @@ class DepthTable:
         """
         Return the depth of the sensor at a survey, by its number or by interpolation in time between two rows.
 
-        sensor_to_bit: distance from sensor to bit, m. Outside the times of the table the depth is unknown.
+        sensor_to_bit: distance from sensor to bit, m. The depth is NaN, with a reason, if the table does not have the
+        survey or its time, or if the sensor is above the datum.
         """
         if self.by_number:
             if sequence not in self.by_number:
@@ -61,12 +62,13 @@ class DepthTable:
 
 def read_depths(path: Path) -> DepthTable:
     """
-    Read depths from a CSV file.
+    Return the depths in a CSV file.
 
     Raises
     ------
     ListFileError, ValueError
-        A column is missing or has no unit, or a cell is not a number or time; the message names the column or line.
+        A column is missing or has no unit, a cell is not a number or time, the times do not increase, or a table by
+        survey number has depths of the bit. The message names the column or row.
     OSError
         The file cannot be read.
     """
@@ -93,7 +95,11 @@ def read_depths(path: Path) -> DepthTable:
 
 
 def _depth_column(names: list[str], path: Path) -> tuple[str, bool, float]:
-    """Return the name of the depth column, whether it holds bit depths, and the factor from its unit to m."""
+    """
+    Return the name of the depth column, whether it holds bit depths, and the factor from its unit to m.
+
+    Raises ListFileError if there is no depth column, or if its unit is missing or unknown.
+    """
     for words, of_bit in ((_BIT, True), (_SENSOR, False)):
         for name in names:
             lower = "_".join("".join(c if c.isalpha() else " " for c in name.lower()).split())

@@ -82,17 +82,17 @@ class FinalList:
 
 def final_list(sources: Sequence[ListSource]) -> FinalList:
     """
-    Combine the sources of one well into one list; well, legs and rules come from the first source.
+    Return one list made from the sources of one well; well, legs and rules come from the first source.
 
-    Stations of the other sources belong to the path of the current leg of the first: below its kick-off to this leg,
-    above its kick-off to the leg that it leaves. A survey that several sources have (same uuid) is used once. Every
-    magnetic run of at least three stations gets a multi-station analysis for comparison.
+    Stations of the other sources are put on the path of the current leg of the first source: on this leg if they lie
+    below its kick-off point, otherwise on the parent leg. A survey that several sources have (same uuid) is used once.
+    Each run of the first source with at least three magnetic stations gets a multi-station analysis for comparison.
 
     Raises
     ------
     ValueError
-        The first source has no tool code or programme, azimuths cannot be converted to its north, or no path joins the
-        stations.
+        The first source has no tool code or programme, azimuths cannot be converted to the north of its well, or no
+        path joins the stations.
     """
     first = sources[0]
     well = dataclasses.replace(first.surveys.well, error_model=first.code or first.surveys.well.error_model)
@@ -107,7 +107,11 @@ def final_list(sources: Sequence[ListSource]) -> FinalList:
 
 
 def _joined(whole: FinalList, source: ListSource) -> FinalList:
-    """Return the list with the stations of another source."""
+    """
+    Return the final list with the stations of another source, and with the overlap if both cover an interval.
+
+    If no station of the source is in use, only a remark is added.
+    """
     surveys = whole.surveys
     mine = [r for r in surveys.records if r.in_use and _on_path(surveys, r)]
     theirs = _renamed(source, surveys)
@@ -143,7 +147,7 @@ def _joined(whole: FinalList, source: ListSource) -> FinalList:
 
 
 def _on_path(surveys: SurveyList, record: SurveyRecord) -> bool:
-    """Return whether a station lies in the hole of the current leg: on this leg, or above a kick-off to it."""
+    """Return whether a station lies in the hole of the current leg: on this leg, or on a parent above the kick-off."""
     return record.leg == _leg_at(surveys, record.measured_depth).name
 
 
@@ -156,7 +160,11 @@ def _leg_at(surveys: SurveyList, measured_depth: float) -> Leg:
 
 
 def _renamed(source: ListSource, surveys: SurveyList) -> list[SurveyRecord]:
-    """Return the stations of a source, numbered for a list, on its current path, without those already in the list."""
+    """
+    Return the stations of a source that are not in a list yet, with the next free numbers and the legs of that list.
+
+    Stations without a depth are left out; stations at or above the tie-on are not in use.
+    """
     known = {record.survey.uuid for record in surveys.records}
     fresh = [r for r in source.surveys.records if r.survey.uuid not in known and math.isfinite(r.measured_depth)]
     found = []
@@ -218,7 +226,7 @@ def _apart(
     ways: tuple[tuple[Definitive, Array], tuple[Definitive, Array]], upper: float, lower: float
 ) -> tuple[float, ...]:
     """
-    Return the depths between `upper` and `lower`, m, at which two paths differ by more than their errors explain.
+    Return the depths in (`upper`, `lower`], m, at which two paths differ by more than the 99.9 % limit of their errors.
 
     ways: path and covariance of each of the two surveys of the hole.
     """
@@ -243,7 +251,8 @@ def _analysed(surveys: SurveyList, code: str) -> tuple[SurveyList, tuple[str, ..
     """
     Return the list with azimuths by multi-station analysis added to its surveys, and remarks for people.
 
-    A run consists of the surveys of one leg and one tool.
+    A run consists of the surveys of one leg and one tool. Runs of fewer than three magnetic surveys are not analysed;
+    without a magnetic tool code the list is returned unchanged.
     """
     try:
         errors = sensor_errors(code)

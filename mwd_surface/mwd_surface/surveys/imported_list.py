@@ -48,7 +48,7 @@ def survey_list(
     every: bool = False,
 ) -> SurveyList:
     """
-    Return the survey list of an imported list of stations, with the remarks of the reader and of this conversion.
+    Return the survey list of imported stations; its remarks are those of the reader and of this conversion.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = 
     leg : str, optional
         Leg to export, if not the current one.
     whole : bool
-        Whether the export includes the path of the parent legs. If false, it begins at the tie-on of the leg.
+        Whether the export includes the path of the parent legs. If false, the export begins at the tie-on of the leg.
     """
     there = surveys.find_leg(leg)
     assumptions = surveys.definitive(there.name).assumptions

@@ -54,7 +54,8 @@ def arranged(surveys: SurveyList, asked: LegSettings) -> SurveyList:
     Raises
     ------
     ValueError
-        A new leg has no kick-off depth or one that is not on the parent's path, or stations lie above the tie-on.
+        A new leg has no kick-off depth, a kick-off depth that is not on the path of its parent, or a parent that does
+        not exist; or stations in use lie at or above the tie-on, or a value of the tie-on is out of range.
     """
     if asked.tie_on_depth is not None:
         tie_on = TieOn.given(

@@ -44,7 +44,7 @@ def list_of(message: Any, well: Well, rules: ListRules | None = None) -> SurveyL
     Raises
     ------
     ValueError
-        The path through the stations of the message cannot be computed.
+        A value of the message is not valid, or the path through its stations cannot be computed.
     """
     legs = tuple(
         Leg(

@@ -5,8 +5,8 @@ Multi-station analysis: errors of the sensors and drill-string interference from
 Gravity and the Earth's field are the same at every station: total gravity, horizontal and downward field. Errors of the
 tool, which stay with its axes, change the measured values from station to station as the tool rotates and the hole
 bends: bias and scale of each magnetometer (axial interference is a bias of the axial one) and of each accelerometer.
-They are estimated together with the errors of the reference, each with a prior from the tool code, by nonlinear least
-squares:
+These errors are estimated together with the errors of the reference by nonlinear least squares; each error has a prior,
+from the tool code or from the sigmas of the reference:
 
     b = B-true + bias + scale b,   f = F-true + bias + scale f
     residual = (|f|, H, V)(f - ..., b - ...) - reference - error of the reference
@@ -102,7 +102,7 @@ def analyse(
     Raises
     ------
     ValueError
-        Wrong shapes, fewer than two stations, readings that are not finite, or a reference without field.
+        The shapes are wrong, there are fewer than two stations, a reading is not finite, or the reference has no field.
     """
     errors = SensorErrors() if errors is None else errors
     f, b = _readings(f_t, b_t)
@@ -136,7 +136,13 @@ class _ErrorFit:
 
 
 def _fitted(problem: StationsProblem) -> _ErrorFit:
-    """Fit the errors without outliers, which are dropped one by one; scale the noise if there are enough stations."""
+    """
+    Return the fit of the errors to the stations that are not outliers.
+
+    While the largest misfit exceeds `_OUTLIER_SIGMA`, its station is dropped, as long as more than three stations and
+    more than three quarters of all stations are in use. With at least `_MANY` stations in use, the noise is then scaled
+    to the residuals and the fit repeated.
+    """
     n = len(problem.f)
     used = np.ones(n, dtype=bool)
     while True:

@@ -36,7 +36,12 @@ _DIP_VARIATION = math.radians(0.08)
 
 
 class StationsProblem:
-    """Whitened residuals of the stations against one reference, together with the priors."""
+    """
+    Whitened residuals of the stations against one reference, together with the priors.
+
+    f, b: mean specific force, m/s^2, and field, T, of each station in tool axes, shape (n, 3). In the methods, x holds
+    the errors in prior sigmas, shape (15,), and used marks the stations in use, shape (n,).
+    """
 
     def __init__(self, f: Array, b: Array, reference: Reference, errors: SensorErrors) -> None:
         self.f, self.b = f, b
@@ -71,10 +76,11 @@ class StationsProblem:
 
     def quieten(self, x: Array, used: np.ndarray) -> None:
         """
-        Scale the noise down to the scatter of the residuals, separately for accelerometers and field.
+        Scale the noise down to the scatter of the residuals of the used stations, separately for gravity and field.
 
-        Less scatter than expected means that the sensors are better than specified. The noise is never scaled up: more
-        scatter is a reason to refuse the analysis.
+        Less scatter than expected means that the sensors are better than specified. For the field, the variation of the
+        Earth's field is reduced before the noise of the magnetometers. The noise is never scaled up: more scatter is a
+        reason to refuse the analysis.
         """
         slope = self._whitened_slope(x)[used]
         residual = self._whitened(x)[used]
@@ -99,9 +105,9 @@ class StationsProblem:
 
     def _values(self, errors: Array) -> tuple[Array, Array]:
         """
-        Return (|f|, H, V) of the corrected readings, shape (n, 3), and the Jacobian with respect to (f, b).
+        Return total gravity, horizontal and vertical field, (n, 3), of the corrected readings, and their Jacobian.
 
-        The Jacobian has shape (n, 3, 6).
+        errors: in SI units, shape (15,). The Jacobian is with respect to (f, b) and has shape (n, 3, 6).
         """
         f, b = corrected(self.f, self.b, errors)
         g = np.linalg.norm(f, axis=1, keepdims=True)
@@ -132,11 +138,11 @@ class StationsProblem:
         return np.asarray(found.x, dtype=float)
 
     def residual(self, x: Array, used: np.ndarray) -> Array:
-        """Return the whitened residuals of the used stations and the priors, shape (3 n + 15,)."""
+        """Return the whitened residuals of the n stations in use and of the priors, shape (3 n + 15,)."""
         return np.concatenate([self._whitened(x)[used].ravel(), x])
 
     def slope(self, x: Array, used: np.ndarray) -> Array:
-        """Return the derivative of `residual`, shape (3 n + 15, 15)."""
+        """Return the derivative of `residual` with respect to x, shape (3 n + 15, 15)."""
         return np.concatenate([self._whitened_slope(x)[used].reshape(-1, 15), np.eye(15)])
 
     def misfit(self, x: Array) -> Array:
@@ -160,7 +166,8 @@ class StationsProblem:
         """
         Return the covariance of the corrected (f, b) of each station, shape (n, 6, 6), from noise and remaining errors.
 
-        A used station has influenced the estimated errors by its own noise, so their cross-covariance is included.
+        covariance: of the 15 errors in SI units, shape (15, 15). The noise of a station in use has influenced the
+        estimated errors, so the cross-covariance of noise and errors is included.
         """
         by_errors = self._by_errors()
         left = covariance[:SENSORS, :SENSORS]
@@ -173,5 +180,9 @@ class StationsProblem:
 
 
 def corrected(f: Array, b: Array, errors: Array) -> tuple[Array, Array]:
-    """Subtract errors, in the order of `Multistation.estimate`, from force, m/s^2, and field, T, shape (..., 3)."""
+    """
+    Return force, m/s^2, and field, T, without the sensor errors, each of shape (..., 3).
+
+    errors: in the order of `Multistation.estimate`; only the first 12, the sensor errors, are used.
+    """
     return f - errors[6:9] - errors[9:12] * f, b - errors[0:3] - errors[3:6] * b

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Survey list in a recording as it was kept live, for surveys that are computed again from the recording.
+The survey list that was kept live, read from a recording in which the surveys are computed again.
 
 Surveys with the same uuid are the same survey: they come from the same samples at the same time. Changes of the list
 are applied again in their original order: decisions of people, depths by hand and revisions of the estimator.
@@ -38,7 +38,7 @@ class DepthByHand:
 @dataclasses.dataclass(frozen=True)
 class Decided:
     """
-    Decision of a person about a survey at `stamp_ns`; log_ns: time at which the message was recorded, ns.
+    Decision about a survey that a person made at `stamp_ns`; log_ns: time at which the message was recorded, ns.
 
     measured_depth: depth given with the decision, m; NaN if none was given. replace, value: as in `SurveyList.accept`.
     as_listed: whether the decision comes from a recorded survey list, because the recording has no operator events.
@@ -92,7 +92,7 @@ class RecordedList:
     Attributes
     ----------
     first, records : dict of SurveyRecord
-        Record of each survey by uuid: as it was first listed, and as it was last listed.
+        Record of each survey by uuid: in the first list that has the survey, and in the last list of the recording.
     changes : tuple of Change
         Changes of the list, in the order of recording.
     arrived_ns : dict of int
@@ -100,7 +100,8 @@ class RecordedList:
     last : SurveyList or None
         Last list, with legs and plan; None if there is no list.
     without_events : bool
-        Whether the recording has live surveys or survey lists, but neither operator events nor used samples.
+        Whether operator events are missing: the recording has survey lists but neither operator events nor used
+        samples, or it has live surveys but no survey list.
     """
 
     first: Mapping[str, SurveyRecord] = dataclasses.field(default_factory=dict)
@@ -111,13 +112,13 @@ class RecordedList:
     without_events: bool = False
 
     def before(self, start_ns: int) -> list[SurveyRecord]:
-        """Return the records of surveys taken before `start_ns`, which is the start of the recording."""
+        """Return the records of surveys that were taken before the start of the recording, `start_ns`, ns."""
         return [r for r in self.records.values() if r.survey.stamp_ns < start_ns]
 
 
 def recorded_list(bag: Bag, namespace: str, well: Well) -> RecordedList:
     """
-    Return the information in the survey lists of a well in a recording; empty if the recording has no list.
+    Return the information in the survey lists of a well in a recording; without a list only `without_events` is set.
 
     namespace: namespace of the well, ending with a slash. well: well as described by the recording.
     """
@@ -172,7 +173,7 @@ def _has(bag: Bag, name: str, type_name: str) -> bool:
 
 
 def _change_of(log_ns: int, event: Any) -> list[Change]:
-    """Return the change of the list by an operator event; empty if the event failed or does not change the list."""
+    """Return the one change of the list by an operator event; empty if the event failed or changes nothing there."""
     stamp_ns = stamp_of(event.header.stamp)
     if not event.success:
         return []

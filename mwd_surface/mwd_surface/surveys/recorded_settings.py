@@ -85,7 +85,8 @@ def recorded_settings(bag: Bag) -> Recorded:
     """
     Return the settings of estimator and surface in a recording.
 
-    A parameter that this version does not have or does not allow keeps its default, and is named in the remarks.
+    A parameter whose name or value this version does not allow keeps its default, and is named in the remarks.
+    Parameters that changed during the recording have their last value (surface) or first value (estimator).
     """
     tables = bag.metadata()
     remarks: list[str] = []
@@ -131,9 +132,10 @@ def _sections(table: Mapping[str, str], usual: S, remarks: list[str]) -> S:
 
 def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[EstimatorSettings, str]:
     """
-    Return settings with a field model that is valid on the day, and a remark if it had to be changed to the IGRF.
+    Return settings whose field model is valid on the day, and a remark, which is empty if nothing was changed.
 
-    stamp_ns: time, ns; its day is used if the settings contain no date. Raises ValueError for a day outside all models.
+    If the chosen model is not valid on the day, the IGRF replaces it. stamp_ns: time, ns, whose day is used if the
+    settings contain no date. Raises ValueError if the settings use no model, or if the IGRF cannot be used either.
     """
     try:
         reference_of(estimator.place, stamp_ns)
@@ -155,7 +157,7 @@ def _by_receiver(bag: Bag) -> tuple[EstimatorSettings | None, str]:
     """
     Return estimator settings with the place of the first fix of a satellite receiver, and a note that names the topic.
 
-    The settings are None if the recording has no fix.
+    Without a valid fix in the recording, the settings are None and the note is empty.
     """
     fixes = [topic.name for topic in bag.topics.values() if topic.type_name == _FIX]
     for _, name, _, data in bag.messages(fixes) if fixes else ():
@@ -184,7 +186,7 @@ def _changes(bag: Bag) -> dict[str, dict[str, str]]:
 
 def kept(usual: S, given: Mapping[str, Any], remarks: list[str], source: str) -> S:
     """
-    Return settings with the given values; values that are not allowed keep their default and are named in the remarks.
+    Return settings with the given values; a setting whose value is not allowed stays as in `usual`, with a remark.
 
     given: dotted name -> value. remarks: receives a sentence for each value that is not used. source: origin of the
     values, in words.
@@ -203,7 +205,7 @@ def kept(usual: S, given: Mapping[str, Any], remarks: list[str], source: str) ->
 
 def _values(table: Mapping[str, str], usual: Mapping[str, Any]) -> dict[str, Any]:
     """
-    Parse the texts of parameters, given by name.
+    Return the values of parameters by name, parsed from their texts.
 
     Names without a dot are left out: every ROS node has these parameters. usual: default value by name.
     """
@@ -211,7 +213,7 @@ def _values(table: Mapping[str, str], usual: Mapping[str, Any]) -> dict[str, Any
 
 
 def _value(text: str, usual: Any) -> Any:
-    """Parse the written value of a parameter; it stays a text if its usual value is a text."""
+    """Return the value of a parameter from its text; the text itself if `usual` is a text or parsing fails."""
     if isinstance(usual, str):
         return text
     if text in ("inf", "-inf", "nan"):

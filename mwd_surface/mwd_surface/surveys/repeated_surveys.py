@@ -19,10 +19,10 @@ _UNITS = {"accelerometer": ("mG", 1e3 / STANDARD_GRAVITY, 2), "magnetometer": ("
 
 def shots_of(records: Iterable[SurveyRecord], code: str) -> tuple[tuple[CheckShot, tuple[int, ...]], ...]:
     """
-    Compare surveys repeated at one depth; return each comparison with the numbers of its surveys.
+    Return the comparisons of surveys that were repeated at one depth, each with the numbers of its surveys.
 
     code: tool code of the well; for a code without magnetic sensors the default `SensorErrors` are used. Surveys
-    without readings or depth, and rejected ones, are left out.
+    without force, field or depth, and surveys with the verdict reject, are left out.
     """
     used = [
         record

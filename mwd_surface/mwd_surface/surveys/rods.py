@@ -44,7 +44,7 @@ class RodSettings:
 @dataclasses.dataclass(frozen=True)
 class RodChange:
     """
-    One line of the log.
+    One change of the rods in the hole, which is one line of the log.
 
     rods, bit_depth: number of rods and bit depth, m, after the change. length: length of each changed rod, m.
     """
@@ -89,7 +89,7 @@ class RodTally:
         Raises
         ------
         ValueError
-            The length is not positive, or there are too many rods.
+            The length is not positive or above 30 m, there are too many rods, or the operator is empty.
         """
         _check_length(length)
         return self._with((*self.lengths, length), ADD, length, stamp_ns, operator, reason)
@@ -101,7 +101,7 @@ class RodTally:
         Raises
         ------
         ValueError
-            There is no rod in the hole.
+            There is no rod in the hole, or the operator is empty.
         """
         if not self.lengths:
             raise ValueError(
@@ -116,7 +116,7 @@ class RodTally:
         Raises
         ------
         ValueError
-            There is no reason, or the count or the length of a rod is not possible.
+            The reason or the operator is empty, or the count or the length of a rod is not possible.
         """
         _check_length(length)
         if not plain(reason):
@@ -149,8 +149,8 @@ def disagreement(tally: RodTally, bit_depth: float, length: float, rods: float =
     """
     Return a sentence if the depths of tally and rig differ by `rods` rods or more; otherwise an empty text.
 
-    bit_depth: bit depth of the rig, m. length: length of a rod, m. rods: smallest difference that is reported, in rod
-    lengths.
+    bit_depth: bit depth of the rig, m; NaN, if unknown, gives an empty text. length: length of a rod, m. rods: smallest
+    difference that is reported, in rod lengths.
     """
     apart = tally.bit_depth - bit_depth
     if not math.isfinite(apart) or abs(apart) < rods * length:
@@ -205,7 +205,8 @@ class RodLog:
     path : Path
         File of the log; it need not exist.
     most_bytes : int
-        Largest number of bytes to read. Of a longer file only the end is read; the rest counts as one unreadable line.
+        Largest number of bytes to read. Of a longer file only the end is read; its cut-off beginning counts as one
+        unreadable line.
     """
 
     def __init__(self, path: Path, most_bytes: int = _MOST_BYTES) -> None:
@@ -214,7 +215,9 @@ class RodLog:
 
     def read(self, first: float) -> tuple[RodTally, int]:
         """
-        Return tally and number of unreadable lines as `read_log`; first: bit depth without a rod, m.
+        Return the tally and the number of unreadable lines, as `read_log`; an empty tally if there is no file.
+
+        first: bit depth without a rod, m.
 
         Raises
         ------

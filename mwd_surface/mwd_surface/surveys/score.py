@@ -73,17 +73,18 @@ class Scored:
 
 def score(bag: Bag, namespace: str = "", truth: Path | None = None) -> list[Scored]:
     """
-    Compare every survey of a recording with the truth at the time of the survey; return them in order of time.
+    Return each survey of a recording with the truth at its time, in order of time.
 
     namespace: namespace of the well, if the recording has several. truth: file of the truth (parameter `truth_file` of
-    the sonde), for a run whose surface received only a link; the surveys are then those of the link.
+    the sonde), for a run whose surface received only a link; the surveys are then those of the link. Surveys without
+    truth within 0.6 s are left out. The result is empty if the recording has no surveys.
 
     Raises
     ------
     BagError
         The recording has no truth, or it has several wells and no namespace is given.
     OSError
-        The file of the truth cannot be read.
+        The file of the truth cannot be opened or is too large.
     """
     prefix = namespace.strip("/")
     if not any(topic.type_name == SURVEY_TYPE for topic in bag.topics.values()):

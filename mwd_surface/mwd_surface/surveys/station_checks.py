@@ -36,7 +36,7 @@ def in_use_on(whole: SurveyList, leg: str) -> list[SurveyRecord]:
 
 
 def at_same_depth(whole: SurveyList, record: SurveyRecord) -> list[SurveyRecord]:
-    """Return the other stations in use that lie at the depth of a record on the same leg."""
+    """Return the other stations in use on the leg of a record that lie less than `rules.same_depth` from its depth."""
     return [
         r
         for r in in_use_on(whole, record.leg)
@@ -67,6 +67,7 @@ def conflicts(whole: SurveyList, record: SurveyRecord) -> list[str]:
     """
     Return sentences on conflicts of a record with stations in use; empty without conflicts.
 
+    A conflict is another station at the same depth, or stations whose order of depth contradicts their order in time.
     The record can enter the path only if a person explicitly replaces the other stations.
     """
     rivals = at_same_depth(whole, record)
@@ -117,7 +118,8 @@ def placed(whole: SurveyList, record: SurveyRecord, place: tuple[Definitive, int
     """
     Return the record with its flags and its place on the path.
 
-    place: path, and index of the station on it; None if the record is not on the path.
+    place: path, and index of the station on the path; None if the record is not on the path. Without a place, the
+    record is not in use, its place is NaN, and its flags name the obstacles, unless a person has rejected the survey.
     """
     if place is None or not record.in_use:
         nowhere: dict[str, Any] = dict.fromkeys(PLACE, math.nan)
@@ -197,7 +199,7 @@ def moved(before: Survey, now: Survey, north: North) -> bool:
 
 
 def revision_sentence(before: SurveyRecord, now: SurveyRecord, north: North) -> str:
-    """Describe the revision of a station: value before and now, reason, and whether it leaves or joins the path."""
+    """Return a sentence on the revision of a station: values, reason, and whether it leaves or joins the path."""
     place = f" at {now.measured_depth:.1f} m" if math.isfinite(now.measured_depth) else ""
     use = {(True, False): "; the survey leaves the path", (False, True): "; the survey joins the path"}.get(
         (before.in_use, now.in_use), ""
@@ -223,7 +225,11 @@ def withdrawal(record: SurveyRecord) -> str:
 
 
 def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: float | None) -> Definitive:
-    """Return the path of a leg through its parents, from the stations `used`, projected to bit_depth, m, if given."""
+    """
+    Return the path of a leg through its parents, from the stations `used`, projected to bit_depth, m, if given.
+
+    Raises ValueError if the path cannot be computed, or if a parent does not exist.
+    """
     t = leg.tie_on
     own = sorted((r for r in used if r.leg == leg.name), key=lambda r: r.measured_depth)
     md, inc, azi = [t.measured_depth], [t.inclination], [t.azimuth]
@@ -268,8 +274,9 @@ def tie_on_assumptions(
     """
     Return the assumptions of a tie-on about the hole above the first station.
 
-    There are none if a person, a list or another leg gave the tie-on, or if the first station is near the wellhead,
-    within the gap and dogleg limits that cause no warning.
+    A tie-on given without its full position has one assumption: the missing coordinates. A default tie-on at the
+    wellhead has one, unless there is no station yet or the first station lies within the gap and dogleg limits of
+    `rules`. Any other tie-on has none.
 
     Parameters
     ----------

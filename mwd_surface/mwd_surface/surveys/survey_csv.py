@@ -64,7 +64,11 @@ class Line:
         self.north = north if self.survey.azimuth_from(north) is not None else self._own
 
     def __getattr__(self, name: str) -> Any:
-        """Return the azimuth by a method (`by_gyro`), or a component of a mean reading (`specific_force_x`)."""
+        """
+        Return the estimate of the azimuth by a method (`by_gyro`), or a component of a reading (`specific_force_x`).
+
+        Raises AttributeError for any other name.
+        """
         if name.startswith("by_"):
             return self._by(name.removeprefix("by_"))
         vector, _, axis = name.rpartition("_")
@@ -73,7 +77,7 @@ class Line:
         raise AttributeError(name)
 
     def value(self, path: str) -> Any:
-        """Return the value of a dotted path of attributes."""
+        """Return the value of an attribute given by a dotted path, such as "survey.sequence"."""
         found: Any = self
         for name in path.split("."):
             found = getattr(found, name)

@@ -51,7 +51,7 @@ _CLEARLY = 0.8
 @dataclasses.dataclass(frozen=True)
 class SurveyList:
     """
-    The whole list, in order of measured depth within each leg; the module describes its rules.
+    Survey list of a well, in order of measured depth within each leg; the docstring of the module describes its rules.
 
     leg, tool: leg and tool of the next surveys. changed_ns: time of the last change, ns.
     """
@@ -99,7 +99,7 @@ class SurveyList:
         """
         Return the path of a leg (by default the current one), through its parents up to the wellhead.
 
-        bit_depth: m; if the bit is deeper than the last station, a station marked as projected is added at the bit.
+        bit_depth: m, finite; if the bit is deeper than the last station, a station marked as projected is added there.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class SurveyList:
         comment: str = "",
     ) -> SurveyList:
         """
-        Add a survey to the list, and to the path if the rules allow it without a decision.
+        Return the list with a new survey, which enters the path if the rules allow it without a decision.
 
         Parameters
         ----------
@@ -196,7 +196,7 @@ class SurveyList:
         value: Value = Value.DEFINITIVE,
     ) -> SurveyList:
         """
-        Put a survey into the path by a person's decision; the automatic verdict stays in the list.
+        Return the list with a survey put into the path by a person; the automatic verdict stays in the list.
 
         Parameters
         ----------
@@ -217,8 +217,9 @@ class SurveyList:
         Raises
         ------
         ValueError
-            There is no operator, survey, depth or usable azimuth, the survey has no such value, `replace` is false and
-            the depth is occupied or above an earlier station, or no path can join the stations.
+            There is no operator, survey, depth or usable azimuth; the depth is out of range or not below the tie-on;
+            the survey has no revised value to accept; `replace` is false and the survey conflicts with another station;
+            or no path can join the stations.
         """
         old = self.find(sequence)
         _checked_operator(operator_name)
@@ -251,7 +252,7 @@ class SurveyList:
 
     def reject(self, sequence: int, operator_name: str, reason: str, stamp_ns: int) -> SurveyList:
         """
-        Remove a survey from the path by a person's decision; it stays in the list.
+        Return the list with a survey taken out of the path by a person; the survey stays in the list.
 
         Raises
         ------
@@ -265,13 +266,13 @@ class SurveyList:
 
     def revise(self, survey: Survey) -> SurveyList:
         """
-        Apply the estimator's revised value of a survey.
+        Return the list with the estimator's revised value of a survey.
 
-        Normally it becomes the definitive value, and its verdict decides whether the survey is in the path. If a person
+        Normally this value becomes definitive, and its verdict decides whether the survey is in the path. If a person
         has accepted the survey, or if `rules.apply_revisions` requires a person's decision, the revised value is only
         stored as a proposal. A survey that the estimator withdraws leaves the path without a decision, unless a person
-        has accepted it. Return the list unchanged if it has no such survey (uuid) or already has this revision or a
-        newer one.
+        has accepted it. The list is returned unchanged if it does not contain the survey (uuid), or if it has this
+        revision or a newer one.
 
         Raises
         ------
@@ -311,7 +312,11 @@ class SurveyList:
         return bare
 
     def with_records(self, records: Iterable[SurveyRecord]) -> SurveyList:
-        """Return the list with other records; order, path and flags are computed again."""
+        """
+        Return the list with other records; order, path and flags are computed again.
+
+        Raises ValueError if a record has an unknown leg, or if no path can join the stations.
+        """
         return self._with(records)
 
     def tied_on(self, tie_on: TieOn, leg: str | None = None) -> SurveyList:
@@ -341,7 +346,7 @@ class SurveyList:
         Raises
         ------
         ValueError
-            The name is empty or taken, or the depth is not on the parent's path.
+            The name is empty or taken, there is no such parent, or the depth is not on the parent's path.
         """
         source = self.find_leg(parent)
         if not name or any(g.name == name for g in self.legs):
@@ -352,7 +357,11 @@ class SurveyList:
         return dataclasses.replace(self, legs=(*self.legs, Leg(name, tie_on, source.name)), leg=name)
 
     def using(self, *, leg: str | None = None, tool: str | None = None) -> SurveyList:
-        """Return the list with another current leg (which must exist) or tool for the next surveys."""
+        """
+        Return the list with another current leg or tool for the next surveys; None keeps the present one.
+
+        Raises ValueError if there is no such leg.
+        """
         return dataclasses.replace(self, leg=self.find_leg(leg).name, tool=self.tool if tool is None else tool)
 
     def configured(self, well: Well, rules: ListRules) -> SurveyList:
@@ -501,12 +510,14 @@ def _judged(record: SurveyRecord, judgement: Judgement, who: str, reason: str, s
 
 def _with_value(record: SurveyRecord, value: Value) -> SurveyRecord:
     """
-    Return the record with another of its values as the definitive one; no value is lost.
+    Return the record with one of its values made definitive; no value is lost.
+
+    Nothing changes if the definitive value is asked for, or the first value of a record without one.
 
     Raises
     ------
     ValueError
-        The survey has no such value.
+        `value` is `REVISED`, and no revised value of the survey waits for a decision.
     """
     number = record.survey.sequence
     if value == Value.REVISED:

@@ -139,7 +139,11 @@ class SurveyRecord(MessageRecord):
 
 
 def differ(one: Survey, other: Survey) -> bool:
-    """Return whether two results of a survey have different verdicts, or azimuths further apart than `MOVED`, rad."""
+    """
+    Return whether two results of a survey differ.
+
+    They differ if a verdict differs, if only one has an azimuth, or if the azimuths are more than `MOVED` rad apart.
+    """
     if (one.verdict, one.verdict_azimuth) != (other.verdict, other.verdict_azimuth):
         return True
     if not (math.isfinite(one.azimuth) and math.isfinite(other.azimuth)):
@@ -149,7 +153,7 @@ def differ(one: Survey, other: Survey) -> bool:
 
 def checked_survey(survey: Survey) -> Survey:
     """
-    Return the survey after checking that every value has its declared type and is finite, and angles are in range.
+    Return a copy of the survey after checking its values: types, finite numbers (or NaN if allowed), and ranges.
 
     Raises
     ------

@@ -32,7 +32,7 @@ VERSION = 1
 
 
 class StoreError(RuntimeError):
-    """Raised if the folder cannot be used: it is not writable, or another process keeps its list there."""
+    """Raised if the folder is not writable, a list cannot be saved, or another process keeps its list there."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,7 +112,7 @@ class SurveyStore:
 
     def load(self, well: Well, rules: ListRules) -> Loaded:
         """
-        Load the newest complete list, with the given well and rules; an empty list if there is none yet.
+        Return the newest complete list, with the given well and rules; an empty list if there is none yet.
 
         A damaged file is moved aside (surveys.damaged-1.json, -2, ...), never deleted. If the stations cannot be
         converted to the north that the well now names, the stored north stays in force and a message says so.
@@ -179,7 +179,7 @@ def decoded(data: bytes, rules: ListRules | None = None) -> SurveyList:
     Raises
     ------
     ValueError
-        The bytes are not complete JSON, not a survey list, of a newer version, edited (checksum), or have invalid
+        The bytes are not complete JSON, not a survey list, of another version, edited (checksum), or have invalid
         content.
     """
     try:

@@ -73,7 +73,7 @@ def run_stations(
     rows: Sequence[TableRow], settings: StationSettings, progress: Callable[[float], None] | None = None
 ) -> list[TableStation]:
     """
-    Compute the rows of a table; rows of the same run are computed together.
+    Compute the stations of the rows of a table; rows of the same run are computed together.
 
     Rows are in the order in which they were taken. A row that cannot be read is rejected with its reason and is not
     used for other rows. progress is called with the share of finished rows, 0 to 1.
@@ -138,7 +138,8 @@ def _multi_station(
     """
     Return azimuths by multi-station analysis, by index of the station.
 
-    at: indices of the stations to use. The result is empty unless all of these have the same reference field.
+    at: indices of the stations to use. The result is empty if fewer than three of these have a field reading, or if
+    they do not all have the same reference field.
     """
     read = [(k, own[k].readings, own[k].station) for k in at]
     usable = [(k, readings, station) for k, readings, station in read if readings is not None and readings.has_field]

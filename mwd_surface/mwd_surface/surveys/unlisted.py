@@ -41,7 +41,8 @@ def unlisted(bag: Bag, namespace: str = "") -> list[Unlisted]:
     """
     Return the intervals with flow for which a link received no complete survey, each with a reason.
 
-    A wired tool also sends without flow, so its lost surveys cannot be found.
+    Intervals for which the link gave no reason are left out. A wired tool also sends without flow, so its lost surveys
+    cannot be found.
 
     Parameters
     ----------
@@ -86,7 +87,7 @@ def _erased(bag: Bag, topic: str) -> list[tuple[int, str]]:
 
 
 def _flows(bag: Bag, topic: str) -> list[_Flow]:
-    """Return the intervals with flow of all links."""
+    """Return the intervals with flow of all links; flow before the first report without flow of a link is left out."""
     flows: list[_Flow] = []
     now: dict[str, _Flow | None] = {}
     stopped: dict[str, int] = {}

@@ -66,7 +66,11 @@ def programme_of(well: Well) -> SurveyProgramme | None:
 
 
 def error_reference(well: Well, survey: Survey) -> ErrorReference:
-    """Return the local reference field of a survey, at the place of the well."""
+    """
+    Return the local reference field of a survey, at the place of the well; unknown values are NaN.
+
+    An unknown angle that the north of the well does not need is 0, and an unknown gravity is standard gravity.
+    """
     # The angle between the well's north and true north must be known; the other angle does not affect the result.
     unknown = {North.MAGNETIC: ("declination",), North.GRID: ("convergence",)}.get(
         North[well.north_reference.upper()], ()
@@ -88,7 +92,7 @@ def error_reference(well: Well, survey: Survey) -> ErrorReference:
 
 def uncertain(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None]) -> UncertainPath:
     """
-    Return a path of the list with its covariance; without covariance if the start of the path is assumed.
+    Return a path of the list with its covariance; no covariance if the start is assumed or no error model applies.
 
     records: record of each station of the path; None for tie-ons, projection and planned stations.
     """
@@ -177,8 +181,8 @@ def continued(path: Definitive, plan: Plan | None, reach: float, step: float = 3
     """
     Return the path continued from its end in the directions of the plan, for at most `reach` m, in steps of `step` m.
 
-    The planned stations keep the present offset from the plan: no steering back is assumed. Without a plan, or at its
-    end, the path is returned unchanged.
+    The planned stations keep the present offset from the plan: no steering back is assumed. Without a plan, at the end
+    of the plan, or with a reach of 0, the path is returned unchanged.
 
     Raises
     ------

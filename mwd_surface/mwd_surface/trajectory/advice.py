@@ -153,7 +153,11 @@ class AdviceBasis:
 
 
 def motor_yield(yields: Sequence[Yield]) -> float | None:
-    """Return the median dogleg per metre slid of the last intervals, rad/m; None if no interval was slid yet."""
+    """
+    Return the median dogleg per metre slid of the last three intervals with a known yield, rad/m.
+
+    yields: deepest last. None if no interval has a yield above 0.
+    """
     measured = [value for value in (one.motor for one in yields) if value is not None and value > 0.0]
     return statistics.median(measured[-_YIELDS:]) if measured else None
 
@@ -164,7 +168,8 @@ def advise(
     """
     Return the advice for the next interval.
 
-    path: path, to the bit if the bit depth is known. yields: yields of the surveyed intervals, deepest last.
+    path: path, to the bit if the bit depth is known. yields: yields of the surveyed intervals, deepest last. If no
+    advice can be computed, for example without a plan or survey, the mode is NONE and `reason` says why.
     """
     limit = math.radians(settings.limit_deg)
     base = Advice(

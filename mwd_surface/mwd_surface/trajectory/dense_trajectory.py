@@ -85,7 +85,7 @@ def dense_trajectory(
     path: Definitive, continuous: Continuous | None = None, stretches: Sequence[DrilledStretch] = (), step: float = 1.0
 ) -> DenseTrajectory:
     """
-    Join the stations of a path by the best available description of the hole between them.
+    Return the trajectory through the stations of a path, by the best available description of the hole between them.
 
     Parameters
     ----------
@@ -188,7 +188,8 @@ class _Interval:
         """
         Return inclination and azimuth at the points, rad, with the dogleg where the string slid.
 
-        Return None if the slide sheet covers too little of the interval, or if too little hole was slid.
+        Return None if the slide sheet covers too little of the interval, or if too little hole was slid. Otherwise the
+        ends of the slides are added to the points.
         """
         overlaps = [
             (max(s.from_depth, self._low), min(s.to_depth, self._high), s.mode)
@@ -236,12 +237,16 @@ def _binned(place: Indices, md: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _at_ends(centres: Array, values: Array, low: float, high: float) -> tuple[float, float]:
-    """Return the values at the upper and lower station, extrapolated from the data near them."""
+    """Return the values at the upper and lower station, extrapolated from the data within `_AT_STATION` of each."""
     return _at_end(centres, values, low), _at_end(centres[::-1], values[::-1], high)
 
 
 def _at_end(centres: Array, values: Array, end: float) -> float:
-    """Return the value at a depth `end`, m; centres, values: nearest to this depth first."""
+    """
+    Return the value at a depth `end`, m; centres, values: nearest to this depth first.
+
+    With fewer than three values near this depth, it is their mean, otherwise a line through the values at that depth.
+    """
     near = np.abs(centres - end) <= _AT_STATION
     if np.count_nonzero(near) < 3:
         return float(values[near].mean())

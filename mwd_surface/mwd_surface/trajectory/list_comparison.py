@@ -57,7 +57,7 @@ def difference(
     first: Definitive, second: Definitive, covariances: tuple[Array | None, Array | None] = (None, None)
 ) -> PathDifference:
     """
-    Compare two paths that refer to the same north.
+    Return the difference of two paths that refer to the same north.
 
     Parameters
     ----------
@@ -97,9 +97,10 @@ def difference(
 
 def covariance_between(md: Array, covariance: Array, at: Array) -> Array:
     """
-    Return covariances at the depths `at`, linearly interpolated between stations, shape (m, 3, 3), m^2.
+    Return covariances at the depths `at`, m, linearly interpolated between stations, shape (m, 3, 3), m^2.
 
-    Interpolated covariance matrices are positive semidefinite again.
+    md: depths of the stations, m, shape (n,). covariance: at the stations, shape (n, 3, 3), m^2. Beyond the ends the
+    covariance of the end is used. Interpolated covariance matrices are positive semidefinite again.
     """
     flat = covariance.reshape(len(md), 9)
     return np.column_stack([np.interp(at, md, flat[:, k]) for k in range(9)]).reshape(-1, 3, 3)

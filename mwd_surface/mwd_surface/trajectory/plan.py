@@ -44,7 +44,7 @@ class Plan:
     remarks: tuple[Remark, ...] = ()
 
     def __eq__(self, other: object) -> bool:
-        """Whether two plans have the same stations, start, north and name."""
+        """Whether two plans have the same stations, start, north, name and remarks."""
         return isinstance(other, Plan) and self.to_mapping() == other.to_mapping()
 
     def __hash__(self) -> int:
@@ -52,7 +52,7 @@ class Plan:
         return hash((self.name, self.north, self.md.tobytes()))
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return the plan as a dict for a file, with stations and start, from which positions are recomputed."""
+        """Return the plan as a dict for a file: stations and start, without the positions, which follow from these."""
         stations = np.column_stack([self.md, self.inclination, self.azimuth])
         start = self.positions[0].tolist()
         remarks = [settings.to_mapping(one) for one in self.remarks]
@@ -135,7 +135,7 @@ def plan_of(
     name: str = "",
 ) -> Plan:
     """
-    Build a plan from its stations.
+    Return the plan through stations: measured depth, m, inclination and azimuth, rad, shape (n,) each.
 
     start, shape (3,): position of the first station, m; by default vertically below the wellhead, with the measured
     depth of the station as vertical depth.
@@ -269,7 +269,8 @@ def steering_to(position: ArrayLike, inclination: float, azimuth: float, target:
     Raises
     ------
     ValueError
-        The target is the position itself, or lies straight behind it, so that no arc leads to the target.
+        The target is the position itself or not finite, or lies 90 deg or more off the direction at the position, so
+        that no arc of half a turn or less leads to the target.
     """
     chord = np.asarray(target, dtype=float) - np.asarray(position, dtype=float)
     reach = float(np.linalg.norm(chord))

@@ -18,7 +18,7 @@ from mwd_surface.trajectory.plan import Plan, plan_of
 
 def read_plan(path: str | Path, north: str = "", given: Given | None = None) -> Plan:
     """
-    Read the plan in a file: a table, LAS or WITSML.
+    Return the plan in a file, in any format that `list_file.read_list` reads.
 
     north: north from which the azimuths must be measured, "magnetic", "true" or "grid"; empty: any. given: facts about
     the file that the caller states.
@@ -59,7 +59,7 @@ def plan_from_list(stations: StationList) -> Plan:
     Raises
     ------
     ListFileError
-        There are fewer than two stations, or an inclined station has no azimuth.
+        There are fewer than two stations, or a station that is not vertical has no azimuth.
     """
     if stations.md.size < 2:
         raise ListFileError(f"{stations.name}: a plan needs at least two stations, got {stations.md.size}")

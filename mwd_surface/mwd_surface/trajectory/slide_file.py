@@ -22,7 +22,11 @@ _ROWS = "stretches"
 
 
 def read_stretches(path: Path) -> tuple[tuple[DrilledStretch, ...], int]:
-    """Return the slid and rotated stretches of a slide sheet, and the number of invalid lines; empty without a file."""
+    """
+    Return the slid and rotated stretches of a slide sheet, and the number of invalid lines.
+
+    Without a file there are no stretches. Raises OSError if the file cannot be read or is too large.
+    """
     text = read_file(path, budgets.JSON).decode(errors="replace") if path.is_file() else ""
     return _stretches(text)
 

@@ -90,7 +90,7 @@ class DrilledStretch:
 
 @dataclasses.dataclass(frozen=True)
 class Yield:
-    """Drilling between two surveys: lengths slid and rotated, m, and the resulting dogleg, rad."""
+    """Drilling between two stations: their measured depths, lengths slid and rotated, m, and the dogleg, rad."""
 
     from_depth: float
     to_depth: float
@@ -137,7 +137,7 @@ class _Open:
 
 class SlideSheet:
     """
-    Stretches in the order in which they were drilled.
+    Recorder of stretches, in the order in which they were drilled.
 
     Parameters
     ----------

@@ -59,8 +59,9 @@ def pieces_of(assembly: Assembly) -> tuple[Steel, ...]:
     """
     Return the magnetic pieces of an assembly; adjacent magnetic components form one piece with their strongest pole.
 
-    A piece at the upper end of the assembly continues into the string above. Raise ValueError if the sensors lie in
-    magnetic steel.
+    A piece at the upper end of the assembly continues into the string above; if the assembly ends with a non-magnetic
+    component, the string above is a piece of its own. A piece without a given pole strength gets the usual one
+    (`POLES`). Raises ValueError if the sensors lie in magnetic steel.
     """
     runs: list[tuple[float, list[Component]]] = []
     start, before = 0.0, False
@@ -129,7 +130,7 @@ def largest_interference(limit: float, inclination: float, azimuth: float, horiz
 
 def shortest_collars(above: float, below: float, below_length: float, most: float) -> tuple[float, float]:
     """
-    Return the shortest non-magnetic collars, above and below the sensors, that keep the axial field within a limit.
+    Return the non-magnetic collars of the smallest total length that keep the axial field within a limit.
 
     Parameters
     ----------
@@ -143,7 +144,7 @@ def shortest_collars(above: float, below: float, below_length: float, most: floa
     Returns
     -------
     above, below : float
-        Lengths of the non-magnetic collars, m.
+        Lengths of the non-magnetic collars above and below the sensors, m.
 
     Raises
     ------

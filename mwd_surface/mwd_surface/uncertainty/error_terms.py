@@ -115,7 +115,7 @@ class _CourseStations:
     first_tvd: float = 0.0
 
     def cut(self, first: int, last: int, inclination: Array) -> _CourseStations:
-        """Return the stations from index first to last - 1, with their inclinations from `inclination`, rad."""
+        """Return the stations from index first to last - 1; inclination: new inclinations of all stations, rad."""
         start = (0.0, 0.0, self.first_tvd)
         tvd = float(mc.path(self.md, self.inclination, self.azimuth, start)[first, 2])
         return _CourseStations(self.md[first:last], inclination[first:last], self.azimuth[first:last], tvd)
@@ -178,7 +178,8 @@ def error_terms(
     Raises
     ------
     ValueError
-        A tool code is unknown, a station is outside the inclination range of its code, or a gyro code has no latitude.
+        A tool code is unknown or cannot be evaluated on this well, a station is outside the inclination range of its
+        code, or a gyro code has no latitude or gives no azimuth at a station.
     CovarianceUnavailableError
         `welleng` is not installed.
     """
@@ -264,7 +265,11 @@ def _vertical_scale(name: str, stations: _CourseStations, tortuosity: float) -> 
 
 
 def _check_azimuth(code: str, errors: dict[str, Any], whole: _CourseStations, own: Mask, first: int) -> None:
-    """Raise ValueError for a north-seeking gyro near horizontal, where its terms grow with 1 / cos(inclination)."""
+    """
+    Raise ValueError if a station more than 1 deg from the vertical has an azimuth error of 90 deg or more.
+
+    The errors of a north-seeking gyro grow with 1 / cos(inclination) towards the horizontal.
+    """
     largest = np.max([np.abs(np.asarray(source.e_DIA))[:, 2] for source in errors.values()], axis=0, initial=0.0)
     for k in np.flatnonzero(own & (np.sin(whole.inclination) > math.sin(_VERTICAL))):
         if not largest[k - first] < 0.5 * math.pi:
@@ -351,7 +356,7 @@ def _evaluated(stations: _CourseStations, code: str, reference: ErrorReference) 
 
 @functools.cache
 def _inclination_limits(code: str) -> tuple[float, float]:
-    """Return the inclination range of a code, rad; the upper limit is excluded, and inf if the code has none."""
+    """Return the least inclination of a code, included, and its upper limit, excluded, rad; inf if it has no limit."""
     found = next(iter(sorted(tool_code.folder().glob(f"*/{code}.json"))), None)
     if found is None:
         return 0.0, math.inf

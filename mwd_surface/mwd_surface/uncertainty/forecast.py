@@ -92,7 +92,7 @@ def forecast(
     plan: Plan, north: str, code: str, reference: Reference, latitude: float, axial: float, most: float
 ) -> Forecast:
     """
-    Forecast surveys along a plan.
+    Return the forecast of surveys along a plan.
 
     Parameters
     ----------
@@ -137,11 +137,11 @@ def correction_map(
     code: str, reference: Reference, latitude: float, points: tuple[int, int] = (72, 30)
 ) -> tuple[Array, Array, Array]:
     """
-    Return the sigma of the corrected azimuth over all directions, for a chart.
+    Return directions of the hole, and the sigma of the corrected azimuth in each direction, for a chart.
 
-    points: number of azimuth steps, and number of inclinations. Return true azimuths, shape (m,), inclinations, shape
-    (k,), and sigmas, shape (k, m), rad. Other arguments and exceptions are those of `forecast`; also raise ValueError
-    if `corrected_sibling` finds no code.
+    points: number of azimuth steps, and number of inclinations. The results are true azimuths, shape (m,),
+    inclinations, shape (k,), and sigmas, shape (k, m), rad. Other arguments and exceptions are those of `forecast`;
+    also raises ValueError if `corrected_sibling` finds no code.
     """
     sibling = corrected_sibling(code)
     if not sibling:
@@ -169,9 +169,9 @@ def corrected_sibling(code: str) -> str:
 
 def error_reference(reference: Reference, latitude: float) -> ErrorReference:
     """
-    Convert a reference and a latitude, rad, to the local field and gravity for the error models.
+    Return the local field and gravity for the error models, from a reference and a latitude, rad.
 
-    Raise ValueError if the reference has no field.
+    Unknown angles are 0, an unknown gravity is standard gravity. Raises ValueError if the reference has no field.
     """
     if reference.total is None or reference.dip is None:
         raise ValueError("reference: a forecast needs the field; give --lat, --lon and --date, or --field")
@@ -199,7 +199,11 @@ def _sigmas(code: str, stations: tuple[Array, Array, Array], field: ErrorReferen
 
 
 def _quality(code: str, inc: Array, true: Array, reference: Reference, axial: float) -> tuple[Array, Array]:
-    """Return the limits of quality control, shape (n, 3), and the share of stations that are accepted, shape (n,)."""
+    """
+    Return the limits of quality control, shape (n, 3), and the share of stations that are accepted, shape (n,).
+
+    Both are as in `Forecast`; they are NaN for a code without magnetic sensors.
+    """
     # OWSG set B differs from set A in the field model, not in the sensors.
     sensors = code.replace("HRGM", "SRGM").replace("LRGM", "SRGM")
     limits = np.full((inc.size, 3), math.nan)

@@ -168,13 +168,13 @@ class ProgrammeStations:
 
 def read_programme(path: Path) -> SurveyProgramme:
     """
-    Read a survey programme.
+    Return the survey programme in a YAML file.
 
     Raises
     ------
     ProgrammeError
-        The file cannot be read, is not a YAML table, has unknown keys or codes, or has an interval that ends above its
-        start.
+        The file cannot be read, is not a YAML table with intervals, has unknown keys or codes, an interval that does
+        not end below its start, or a covariance of the tie-on that is not symmetric.
     """
     try:
         table = read_yaml(path)

@@ -59,7 +59,7 @@ class UncertainWell:
 
     def below(self, md: float) -> UncertainWell:
         """
-        Return the well below a measured depth, with the position at that depth taken as exact.
+        Return the well below a measured depth, m, with the position at that depth taken as exact.
 
         Raises
         ------

@@ -186,7 +186,11 @@ class Blackboard(LoopInterface):
                     await stop.wait()
 
     async def _inject(self, client: Any) -> dict[str, Any]:
-        """Send the manifest; return the nodes that the blackboard created, by variable name."""
+        """
+        Send the manifest; return the nodes that the blackboard created, by variable name.
+
+        Raises BlackboardError if the blackboard refuses the manifest or does not create every variable.
+        """
         result = await _asked(client, self.settings.inject, json.dumps(manifest()))
         if not result.get("Success"):
             raise BlackboardError("the blackboard refused the manifest: read its log")
@@ -278,7 +282,11 @@ class _Depths:
         self._unknown = optional("asyncua.ua", "asyncua", "the blackboard").StatusCodes.BadNodeIdUnknown
 
     async def read(self, now: float) -> dict[str, float]:
-        """Return the depths, m, by name, that are good and newer than at the last call. now: steady time, s."""
+        """
+        Return the depths, m, by name, that are good and newer than at the last call; NaN for one that is not a number.
+
+        now: steady time, s.
+        """
         if len(self._nodes) < len(NOUNS) and now >= self._find_at:
             self._find_at = now + _FIND_S
             for name, noun in NOUNS.items():
@@ -309,7 +317,11 @@ class _Depths:
 
 
 async def _asked(client: Any, method: str, text: str) -> dict[str, Any]:
-    """Call a method of the blackboard with an array of one text, as D-WIS requires; return the parsed JSON answer."""
+    """
+    Call a method of the blackboard with an array of one text, as D-WIS requires; return the parsed JSON answer.
+
+    Raises BlackboardError if the method does not belong to an object, or if the answer is not a JSON table.
+    """
     ua = optional("asyncua.ua", "asyncua", "the blackboard")
     node = client.get_node(method)
     parent = await node.get_parent()
@@ -344,7 +356,11 @@ def _number(value: object) -> float:
 
 
 def _made(result: dict[str, Any]) -> dict[str, tuple[int, str]]:
-    """Return the namespace index and id of each variable that the blackboard created, by name in the manifest."""
+    """
+    Return the namespace index and id of each variable that the blackboard created, by name in the manifest.
+
+    Raises BlackboardError if the answer does not have the form that D-WIS describes.
+    """
     try:
         rows = [(row["ManifestItemID"], row["InjectedID"]) for row in result.get("ProvidedVariables") or ()]
         made = {str(name): (int(at["NameSpaceIndex"]), str(at["ID"])) for name, at in rows}
@@ -356,7 +372,11 @@ def _made(result: dict[str, Any]) -> dict[str, tuple[int, str]]:
 
 
 def _found(answer: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return the namespace and id of the node in the first column of each row of a query's answer."""
+    """
+    Return the namespace and id of the node in the first column of each row of a query's answer.
+
+    Raises BlackboardError if the answer does not have the form that D-WIS describes.
+    """
     try:
         items = [row["Items"][0] for row in answer.get("Results") or () if row["Items"]]
         return [(str(item["NameSpace"]), str(item["ID"])) for item in items]

@@ -54,7 +54,7 @@ class ModbusSerial(ModbusServer):
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Answer requests until `stop` is set or the device is gone."""
+        """Answer requests until `stop` is set; raise InterfaceError if the device cannot be opened or is gone."""
         line, self._seen = self.line, False
         try:
             # Open the device once before pymodbus does, because pymodbus gives no reason when it fails.

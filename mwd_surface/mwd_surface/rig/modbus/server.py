@@ -137,7 +137,7 @@ class ModbusServer(LoopInterface):
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Listen until `stop` is set."""
+        """Listen until `stop` is set; raise InterfaceError if the host is not allowed or the port cannot be opened."""
         host, port = checked_host(self.settings.host, self.settings.allow_network), self.settings.port
         probe_port(host, port)
         server = self._server.ModbusTcpServer(self._devices(), address=(host, port), identity=self._named())
@@ -209,6 +209,7 @@ class ModbusServer(LoopInterface):
         """
         Answer a request to the unit of this server.
 
+        Returns None if the request is carried out, with the words of a read in `current`; otherwise the exception code.
         No other task runs before the reply is complete, so a reader never gets parts of two blocks.
         """
         if function == _READ_INPUT and address + count <= COUNT:
@@ -266,7 +267,11 @@ class ModbusServer(LoopInterface):
         return None
 
     def _watched(self, handler: Any) -> Any:
-        """Wrap a pymodbus connection: number it, limit the number of connections, and record its last request."""
+        """
+        Return the handler of a pymodbus connection with its methods replaced.
+
+        The new methods number the connection, limit the number of connections, and record the time of the last request.
+        """
         made, lost, received = handler.connection_made, handler.connection_lost, handler.data_received
         handle = handler.handle_request
         # Use a counter, because the address of a deleted object can be used again.

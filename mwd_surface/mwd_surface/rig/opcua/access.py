@@ -155,7 +155,7 @@ class Services:
         self._ua, self._allowed, self._asking = ua, allowed, asking
 
     def check_validity(self, user: Any, action_type_id: Any, body: Any) -> bool:
-        """Return whether the service may be requested."""
+        """Return whether the service may be requested; set `asking` to the name of the user."""
         self._asking.set(getattr(user, "name", None) or "")
         if action_type_id in self._allowed:
             return True

@@ -18,9 +18,9 @@ def moment(stamp_ns: int) -> dt.datetime:
 
 def data_value(ua: Any, reading: VariableValue, kind: str) -> Any:
     """
-    Make a DataValue with the time of the measurement as source timestamp and the present time as server timestamp.
+    Return a DataValue with the time of the measurement as source timestamp and the present time as server timestamp.
 
-    ua: `asyncua.ua`; kind: name of the variable's `VariantType`.
+    ua: `asyncua.ua`; kind: name of the variable's `VariantType`. A reading without a stamp has no source timestamp.
     """
     return ua.DataValue(
         ua.Variant(reading.value, getattr(ua.VariantType, kind)),

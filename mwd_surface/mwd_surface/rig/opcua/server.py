@@ -131,7 +131,12 @@ class OpcuaServer(LoopInterface):
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Listen until `stop` is set."""
+        """
+        Listen until `stop` is set.
+
+        Raises InterfaceError if the host is not allowed, the port cannot be opened, or there is no folder for
+        certificates.
+        """
         host = checked_host(self.settings.host, self.settings.allow_network)
         if self._access.needs_certificates and self._folder is None:
             raise InterfaceError("certificates: name a folder for the certificates of OPC UA")

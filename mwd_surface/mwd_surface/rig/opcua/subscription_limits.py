@@ -51,7 +51,7 @@ class SubscriptionLimits:
         return sum(len(made) for number, made in list(self._items.items()) if number in self._service.subscriptions)
 
     async def create_subscription(self, params: Any, *args: Any, **named: Any) -> Any:
-        """Create a subscription whose publishing interval is within the limits."""
+        """Create a subscription with its publishing interval limited; an infinite one becomes the longest allowed."""
         asked = params.RequestedPublishingInterval
         params.RequestedPublishingInterval = (
             min(max(asked, SHORTEST_MS), LONGEST_MS) if math.isfinite(asked) else LONGEST_MS

@@ -81,7 +81,7 @@ class PolledUnit(LoopInterface):
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Answer requests until `stop` is set or the device is gone."""
+        """Answer requests until `stop` is set; raise InterfaceError if the device cannot be opened or is gone."""
         device = self.settings.device
         try:
             line = self._serial.Serial(device, self.settings.baud, timeout=0, write_timeout=0, exclusive=True)
@@ -116,7 +116,7 @@ class PolledUnit(LoopInterface):
 
 
 def usable(values: RigValues | None) -> dict[str, float]:
-    """Return the values that may be used now, in SI, by name; the other values are sent as unknown."""
+    """Return the values that may be used now, in SI, by name; all other values are left out, so they are unknown."""
     if values is None:
         return {}
     return {name: one.value for name, one in values.values.items() if one.condition.usable}

@@ -79,7 +79,11 @@ class _Caller(Wits0Link, abc.ABC):
 
     @abc.abstractmethod
     def connection(self) -> contextlib.AbstractAsyncContextManager[tuple[asyncio.StreamReader, WitsWriter]]:
-        """Open one connection; raise OSError if that fails."""
+        """
+        Return a context manager that opens one connection and gives its reader and writer.
+
+        Entering the context raises OSError if the connection cannot be opened.
+        """
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
         """Connect, exchange data, and reconnect, until `stop` is set."""

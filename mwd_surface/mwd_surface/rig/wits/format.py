@@ -69,7 +69,7 @@ class DecoderCounts:
 
 def encode(items: Iterable[tuple[int, str]], source: str = "") -> bytes:
     """
-    Encode one packet.
+    Return the bytes of one packet.
 
     items: code RRII and value text of each item. source: name of the sender, written first as item 1984; empty: item
     1984 is omitted.
@@ -77,7 +77,7 @@ def encode(items: Iterable[tuple[int, str]], source: str = "") -> bytes:
     Raises
     ------
     ValueError
-        A code is outside 0101 to 9999, or a text would break the frame.
+        The record or the item of a code is outside 1 to 99, or a text would break the frame.
     """
     lines = [BEGIN]
     for code, value in ([(1984, source)] if source else []) + list(items):
@@ -212,5 +212,5 @@ class Decoder:
 
 
 def _junk(between: bytes | bytearray) -> int:
-    """Count the bytes between frames that are not line ends or blanks."""
+    """Return the number of bytes between frames that are not line ends or blanks."""
     return len(between) - sum(between.count(c) for c in (b"\r", b"\n", b" ", b"\t"))

@@ -116,7 +116,7 @@ class Wits0Sender:
 
 
 def _merged(groups: list[Items]) -> list[Items]:
-    """Merge records into packets so that no packet holds the same record twice."""
+    """Return records merged into packets, in order, so that no packet holds the same record twice."""
     merged: list[Items] = []
     inside: set[int] = set()
     for items in groups:
@@ -239,7 +239,7 @@ class Peer:
 
 class Wits0Link(LoopInterface):
     """
-    Communication part common to all WITS interfaces; subclasses find the peers.
+    Base of all WITS interfaces: exchanges data with the peers that a subclass connects.
 
     Parameters
     ----------
@@ -385,7 +385,7 @@ class Wits0Link(LoopInterface):
             self._decoded[name] += getattr(peer.decoder.counts, name)
 
     def status_as(self, state: str, reason: str = "") -> InterfaceStatus:
-        """Return the state of the interface with all counts."""
+        """Return the state of the interface with all counts; state, reason: as in `InterfaceStatus`."""
         now = self.clock()
         peers = tuple(sorted((p.status(now) for p in tuple(self._peers)), key=lambda p: p.since))
         counted = dict(self._decoded)

@@ -130,11 +130,11 @@ class RecordWriter:
         return self._head(7, values, value.stamp_ns, activity_code(values)) + item
 
     def formation(self, values: RigValues) -> Items:
-        """Return record 8, hole and bit depth; empty if both are unknown."""
+        """Return record 8, hole and bit depth; empty if neither is usable and there is no null text."""
         return self._record(8, values)
 
     def mechanical(self, values: RigValues) -> Items:
-        """Return record 9, downhole rotary speed; empty if it is unknown."""
+        """Return record 9, downhole rotary speed; empty if the speed is not usable and there is no null text."""
         return self._record(9, values)
 
     def _record(self, record: int, values: RigValues) -> Items:

@@ -60,7 +60,7 @@ class Wits0Server(Wits0Link):
         return int(self.address.rpartition(":")[2]) if self.address else 0
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Listen until `stop` is set."""
+        """Listen until `stop` is set; raise InterfaceError if the host is not allowed or the port cannot be opened."""
         host = checked_host(self.settings.host, self.settings.allow_network)
         try:
             server = await asyncio.start_server(self._client, host, self.settings.port, limit=16384, backlog=64)

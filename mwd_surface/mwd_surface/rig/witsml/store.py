@@ -112,7 +112,7 @@ class WitsmlStore(LoopInterface):
         self._version = ""
 
     def push(self, document: str) -> None:
-        """Set the newest trajectory (from `export_witsml.witsml`) for sending, in place of the last; never blocks."""
+        """Set the trajectory to send (from `export_witsml.witsml`), in place of one that still waits; never blocks."""
         self._document = document
         # If the loop has just ended, the document waits for the next start.
         self.rouse()
@@ -124,7 +124,7 @@ class WitsmlStore(LoopInterface):
         Raises
         ------
         InterfaceError
-            The address is not valid, or the password would be sent in clear text.
+            The address is not valid, the password would be sent in clear text, or the password file cannot be read.
         """
         s, parts = self.settings, urlsplit(self.settings.url)
         if parts.scheme not in ("http", "https") or not parts.hostname:
@@ -210,7 +210,11 @@ class WitsmlStore(LoopInterface):
         self._stations_of[uid] = stations
 
     def _order(self, order: str, arguments: dict[str, str]) -> tuple[int, str]:
-        """Call a function of the store, such as AddToStore; return the result number and message of the answer."""
+        """
+        Call a function of the store, such as AddToStore; return the result number and message of the answer.
+
+        Raises StoreRefusedError if the answer has no result number, and the exceptions of `_ask`.
+        """
         answer = self._ask(order, arguments)
         try:
             result = int(answer.get("Result", ""))
@@ -227,7 +231,12 @@ class WitsmlStore(LoopInterface):
         )
 
     def _ask(self, order: str, arguments: dict[str, str]) -> dict[str, str]:
-        """Make one SOAP call; return the texts of the elements of its answer."""
+        """
+        Make one SOAP call; return the texts of the elements of the answer, by name.
+
+        Raises StoreRefusedError for an HTTP error or an answer that is too large, OSError without an answer, and
+        ValueError for an answer that is not XML.
+        """
         inside = "".join(f"<{name}>{escape(text)}</{name}>" for name, text in arguments.items())
         body = (
             '<?xml version="1.0" encoding="UTF-8"?>'
