@@ -42,9 +42,9 @@ def read(path: Path, encoding: str) -> tuple[dict[str, list[str]], int]:
     Raises
     ------
     ValueError
-        The file has no samples, or more than the budget allows.
+        The file has no samples, or more than `budgets.PRESSURE_JSON` allows.
     OSError
-        The file cannot be read, or is larger than the budget.
+        The file cannot be read.
     """
     columns: dict[str, list[str]] = {}
     count = unreadable = 0

@@ -52,7 +52,7 @@ class _Bytes(Protocol):
         ...
 
     def close(self) -> None:
-        """Release the device."""
+        """Stop reading, and close the stream if this object opened it."""
         ...
 
 
@@ -424,7 +424,7 @@ class OpcUaSource:
         self.ended = True
 
     def datachange_notification(self, _node: Any, value: Any, data: Any) -> None:
-        """Keep one value that the server reports."""
+        """Store one value from the server with its time; a value that is not a finite number becomes the failure."""
         stamp = data.monitored_item.Value.SourceTimestamp
         at = time.time() if stamp is None else stamp.timestamp()
         if isinstance(value, (int, float)) and math.isfinite(value):
@@ -485,7 +485,11 @@ def _number(cell: str, mark: str, unit: str) -> float:
 
 
 def _named(columns: Mapping[str, str], what: str, usual: str) -> tuple[str, str]:
-    """Return the name and unit of the pressure that the caller gives; ValueError if the unit is unknown."""
+    """
+    Return the name of the pressure that the caller gives in `columns`, else `usual`, and its unit.
+
+    what: noun for the message, such as "a WITS item". Raises ValueError if the unit is missing or unknown.
+    """
     key, name = next(((key, name) for key, name in columns.items() if key.startswith("pressure")), ("", usual))
     unit = key.partition("_")[2]
     if unit not in pressure_table.PRESSURES:

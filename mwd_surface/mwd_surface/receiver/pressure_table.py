@@ -110,7 +110,7 @@ def columns_of(text: str) -> dict[str, str]:
     Raises
     ------
     ValueError
-        A part without "=", or a quantity that does not exist.
+        A part has no "=", its quantity does not exist, or its decimal mark is not comma or point.
     """
     pairs = {}
     for part in filter(None, text.split(",")):
@@ -147,7 +147,8 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
     Raises
     ------
     ValueError
-        There is no column of time or pressure, or the unit of one is unknown.
+        There is no column of time or pressure, its unit is unknown, its decimal mark is ambiguous, or its cells are
+        not times; or the rate that the caller states is not a number from 0 to 1 MHz.
     OSError
         The file cannot be read.
     """
@@ -187,12 +188,12 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
 
 def read_numbers(path: Path, columns: Mapping[str, str]) -> tuple[Array, Array]:
     """
-    Return pump numbers and times, s, of a table of strokes.
+    Return pump numbers and times, s, of a table of strokes; NaN for a cell without a number.
 
     Raises
     ------
     ValueError
-        A column is missing, or a pump is not a number.
+        A column is missing, or the cells are not times.
     OSError
         The file cannot be read.
     """
@@ -229,7 +230,7 @@ def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumn
     Raises
     ------
     ValueError
-        A unit is not known.
+        A unit is not known, or the number of a column is 0.
     """
     places: dict[str, tuple[int, str]] = {}
     words = [_words(name, "") for name in names]
@@ -440,7 +441,7 @@ class _TableFile:
         return [*dates[:1], clock] if re.fullmatch(form, self._first(clock).strip()) else [clock]
 
     def counted(self, count: int) -> Array:
-        """Return the times, s, of `count` rows at the rate that the caller states."""
+        """Return the times, s, of `count` rows at the rate that the caller states; ValueError if it is not usable."""
         text = next(value for key, value in self._said.items() if key.startswith("rate"))
         try:
             rate = float(text)
@@ -463,7 +464,7 @@ class _TableFile:
         return units.pop() if len(units) == 1 else ""
 
     def cells(self, wanted: Sequence[_Column]) -> list[Any]:
-        """Return the cells of columns as Arrow arrays of numbers or text."""
+        """Return the cells of columns as Arrow arrays of numbers or text; if a tag was selected, only its rows."""
         cells = self._all_cells(wanted)
         return cells if self._kept is None else [one.filter(self._kept) for one in cells]
 

@@ -114,7 +114,7 @@ class Resampler:
         Returns
         -------
         ndarray, shape (m,)
-            Values of the grid; a gap is filled with the last value before it.
+            Values of the grid; 0 in a gap.
         ndarray, shape (m,)
             1 where a value is known, 0 in a gap.
         """
@@ -124,7 +124,7 @@ class Resampler:
         return self._until(self._time[-2] - _HALF_STEPS * self._step)
 
     def finish(self) -> tuple[Array, Array]:
-        """Return the samples of the grid that `push` has not returned, up to the last input sample."""
+        """Return the values of the grid that `push` has not returned, up to the end of the samples, as `push` does."""
         if self._spacing == 0.0 and self._early.shape[1] > 2:
             self._begin()
         if self._declipper is not None:

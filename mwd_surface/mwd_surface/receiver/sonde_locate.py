@@ -175,7 +175,7 @@ def locate(readings: SurfaceReadings, known: SondeFacts, errors: ReadingErrors =
 
 def locate_points(depth_m: float, pitch: float) -> tuple[float, float]:
     """
-    Return where the field on a level surface is vertical: behind and ahead of the point above the sonde, m.
+    Return the two places on a level surface where the field is vertical, as distances from the point above the sonde.
 
     Parameters
     ----------
@@ -183,6 +183,11 @@ def locate_points(depth_m: float, pitch: float) -> tuple[float, float]:
         Depth below the surface.
     pitch : float
         Angle of the tool axis above the horizontal, rad, below pi/2.
+
+    Returns
+    -------
+    (float, float)
+        Distances along the tool's azimuth, m: behind the point (negative), and ahead of it.
     """
     c, s = math.cos(pitch), math.sin(pitch)
     root = math.sqrt(9.0 * s * s + 8.0 * c * c)

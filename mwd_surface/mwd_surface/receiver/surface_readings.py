@@ -78,12 +78,12 @@ def _numbers(path: Path, columns: Mapping[str, list[str]], name: str) -> Array:
 
 def sent_attitude(path: Path) -> SentAttitude:
     """
-    Return the last inclination and toolface in a table of words, as `mwd decode` writes it.
+    Return the last usable inclination, as pitch, and toolface in a table of words that `mwd decode` wrote.
 
     Raises
     ------
     ValueError
-        The table has no inclination with a value.
+        The table has no usable inclination; a toolface may be missing.
     """
     rows = list(csv.DictReader(read_text(path, budgets.LIST).splitlines()))
     pitch = roll = math.nan

@@ -78,6 +78,8 @@ def of_numbers(numbers: Array, unit: str) -> Array:
     """
     Return times as seconds; unit: unit of the column, "" if unknown.
 
+    Without a unit the numbers may also be clocks HHMMSS.ff; they continue after midnight.
+
     Raises
     ------
     UnknownUnitError
@@ -230,7 +232,11 @@ def _moments(text: Any) -> tuple[Array, list[Array]]:
 
 
 def _order(ways: list[Array]) -> tuple[int | None, bool]:
-    """Return the order of day, month and year that fits, None without dates, and whether it is the only one."""
+    """
+    Return the index in `ways` of the order of day, month and year that fits, and whether no other order fits as well.
+
+    Return None and True if there are no dates.
+    """
     most = max(int(np.isfinite(days).sum()) for days in ways)
     if not most:
         return None, True

@@ -145,7 +145,12 @@ class Link:
         return after
 
     def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:
-        """Add samples, shape (n,): rising times, s, and Pa (V for a link through the ground)."""
+        """
+        Add samples, shape (n,); return the output that they complete.
+
+        time_s: rising times, s; pressure_pa: Pa, V for a link through the ground, or bytes of a serial line. Values
+        that no gauge can measure count as missing samples.
+        """
         time, value = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)
         # Values that no gauge can measure become missing samples, here and once for all stages.
         value = np.where(np.abs(value) < LARGEST, value, np.nan)
@@ -257,7 +262,11 @@ class Link:
         return [HeardSurvey(self.name, self._last_survey, values)]
 
     def _taken(self, sent_s: float) -> SurveyTime:
-        """Return the time of a survey whose words began at `sent_s`, s: in the last span without flow before that."""
+        """
+        Return the time of a survey whose words began at `sent_s`, s: in the last span without flow before that.
+
+        If this span is unknown, the time is the latest possible one; on a wire, it is directly before `sent_s`.
+        """
         if self._wired:
             # A tool on a wire sends a survey directly after taking it.
             return SurveyTime(self._stamp_ns(sent_s - 0.5 * SURVEY_S), 0.5 * SURVEY_S)
@@ -309,7 +318,11 @@ class Link:
         return "; ".join(filter(None, (reason, self._tool_flow.contradiction(self.now_s))))
 
     def _heard(self) -> tuple[FrameReport | None, ReceivedWord | None, list[ReceivedWord]]:
-        """Return the last pass, last word and final words since flow-on; older ones do not describe the present."""
+        """
+        Return the last pass, the last word and the final words that ended since flow-on; None for no pass or word.
+
+        Older ones do not describe the present.
+        """
         since = self.flow.on_since(self.now_s)
         frame, word = self._last_frame, self._last_word
         return (

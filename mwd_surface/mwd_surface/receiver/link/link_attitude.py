@@ -145,7 +145,11 @@ class LinkAttitude:
         self.rotating = self.in_slips = False
 
     def take(self, word: ReceivedWord) -> None:
-        """Store a word, provisional or final; an erased final word removes the provisional word in its place."""
+        """
+        Store a usable word, provisional or final, unless a later one of the same quantity is stored.
+
+        An erased word removes the stored word of the same pass and place.
+        """
         quantity = meanings.meaning_of(word.name)
         if not quantity:
             return
@@ -280,9 +284,10 @@ class LinkAttitude:
 
 def best(rows: Sequence[Samples]) -> Samples:
     """
-    Merge the attitudes of several links at the same moment: each angle from the link with the smallest sigma.
+    Return the merged attitude of several links at the same moment: each angle from the link with the smallest sigma.
 
-    rows: at least one, each one row of `wire.ATTITUDE`. Both toolfaces, gravity and magnetic, come from the same link.
+    rows: at least one, each one row of `wire.ATTITUDE`. Both toolfaces, gravity and magnetic, and the status come from
+    the same link.
     """
     row = rows[0].copy()
     for name in ("inclination", "azimuth"):

@@ -142,7 +142,11 @@ class LinkFeed:
         return math.isfinite(self.link.now_s)
 
     def take_strokes(self, until_ns: int, strokes: Sequence[tuple[int, int]]) -> LinkOutput:
-        """Add strokes, each a pump and a stamp, ns; until_ns: no other strokes come before this stamp."""
+        """
+        Add strokes, each a pump and a stamp, ns; return the output of the pressure that waited for them.
+
+        until_ns: stamp before which no other strokes will come.
+        """
         if self._origin_ns is None:
             self._early += strokes
         else:

@@ -186,7 +186,11 @@ def _angle_covariance(
     errors: SensorErrors,
     reference: Reference | None,
 ) -> Nine:
-    """Return the covariance of (inclination, azimuth, toolface), from the tool's sigma if sent, else the tool code."""
+    """
+    Return the covariance of (inclination, azimuth, toolface), rad^2, row by row; NaN except its first two variances.
+
+    A variance comes from the sigma that the tool sent, else from the tool code; the rounding of the word is added.
+    """
     inclination = values[meanings.INCLINATION]
     covariance_s = covariance_s.copy()
     covariance_s[3, 3] += (errors.axial_interference_nt * 1e-9) ** 2
@@ -208,7 +212,11 @@ def _angle_covariance(
 
 
 def _deviations(values: dict[str, LinkValue], reference: Reference | None, covariance: Array) -> Deviations:
-    """Return the totals minus the reference, NaN where either is unknown; word rounding is added to the covariance."""
+    """
+    Return the totals minus the reference, NaN where either is unknown, with their covariance.
+
+    The variances of the rounding of the words are added to `covariance` in place.
+    """
     found = []
     for k, (quantity, of_reference) in enumerate(
         ((meanings.G_TOTAL, "gravity"), (meanings.B_TOTAL, "total"), (meanings.DIP, "dip"))

@@ -33,7 +33,11 @@ _HALF_STEPS = 0.5 * math.sqrt(12.0) * 1.01
 
 @dataclasses.dataclass
 class _LinkStation:
-    """Newest survey: its time, values, the link of each value, and the stamp until which it waits for more words."""
+    """
+    Newest survey: received words, values, and link of each value.
+
+    until_ns: stamp until which the survey waits for more words; published: its angles that were already returned.
+    """
 
     heard: HeardSurvey
     values: dict[str, LinkValue]

@@ -78,7 +78,7 @@ class DecodedWord:
     pulses: bool = True
 
     def places(self) -> list[PulsePlace]:
-        """Return the possible places of the pulses of the word."""
+        """Return the places with a probability above 0.001 of the pulses of the word; none if it has no pulses."""
         found: list[PulsePlace] = []
         if not self.pulses:
             return found
@@ -199,7 +199,7 @@ def rows_from_sync(tool: ToolConfiguration, items: tuple[SequenceItem, ...]) -> 
 def soft_words(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
-    """Return the words with the probabilities of their codes."""
+    """Return the words with the probabilities of their most probable codes; parity: 0 even, 1 odd."""
     found = (_soft_ranks if rows[0, trellis.RISING] else _soft_values)(decision, rows, items, parity)
     ends = np.flatnonzero(rows[:, trellis.ENDS]) + 1
     return [
@@ -218,7 +218,7 @@ def _worst(fits: Array) -> float:
 def _soft_values(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
-    """Return the words of the pulse position code with the probabilities of their codes, for `soft_words`."""
+    """Return the words of the pulse position code with their most probable codes, for `soft_words`."""
     count, values = len(rows), trellis.values_of(rows)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     chance, even = np.empty((count, values)), np.empty(count)
@@ -249,7 +249,7 @@ def _soft_values(
 def _soft_ranks(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
-    """Return the words of the combinatorial code with the probabilities of all their codes, for `soft_words`."""
+    """Return the words of the combinatorial code with their most probable codes, for `soft_words`."""
     count, values = len(rows), trellis.values_of(rows)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     ends = np.flatnonzero(rows[:, trellis.ENDS])

@@ -92,7 +92,7 @@ class PulseReceiver(SampledReceiver):
         return super().push(time_s, value)
 
     def finish(self) -> Reception:
-        """Decode the samples that are left at the end and return their words."""
+        """Decode the samples that are left at the end; return their words and the reports of their passes."""
         done = self._take(*self._resampler.finish())
         # Append unknown samples, as after a gauge failure, so that the last word is decoded too, without its echoes.
         self._last = self._grid.end
@@ -246,7 +246,11 @@ def _sync_db(score: float) -> float:
 def decode(
     tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array] | None = None
 ) -> Reception:
-    """Decode a whole recording with strokes per pump; arguments as in `PulseReceiver.push` and `strokes`."""
+    """
+    Return the words and passes of a whole recording.
+
+    strokes: times, s, of the strokes of each pump; other arguments as in `PulseReceiver.push`.
+    """
     receiver = PulseReceiver(tool)
     for pump, times in (strokes or {}).items():
         receiver.strokes(pump, times)

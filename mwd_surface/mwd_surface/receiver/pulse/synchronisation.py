@@ -126,7 +126,7 @@ def search(
     Returns
     -------
     SyncFound or None
-        None if nothing resembles a sync.
+        None if no sync has the score `least`, or if the noise cannot be modelled.
     """
     early = whitener is None and begin < _LEAST_NOISE
     moved = min(_settled(pressure), max(begin - BEFORE, 0)) if early else _settled(pressure[:begin])
@@ -217,7 +217,11 @@ def _found(
 
 
 def _columns(shapes: Array, edges: Array) -> Array:
-    """Return the whitened pressure of a whole sync per component, from `BEFORE` its start; shape (c, samples)."""
+    """
+    Return the whitened pressure of a whole sync for each component, shape (c, samples).
+
+    The first sample is `BEFORE` samples before the start of the sync.
+    """
     columns = np.zeros((len(shapes), int(edges[-1]) + shapes.shape[1]))
     for edge in edges:
         columns[:, edge : edge + shapes.shape[1]] += shapes

@@ -219,7 +219,7 @@ class ReceivedTransmission:
             self.sent = not self._tool.toolfaces
 
     def taken(self) -> Reception:
-        """Return the words that are ready to be published, with the numbers of their passes among all published."""
+        """Return and remove the words that are ready to be published, with the numbers of their passes among all."""
         ready, self._pending = self._pending, Reception()
         first = self.base
         return Reception(
@@ -229,7 +229,7 @@ class ReceivedTransmission:
         )
 
     def close(self, until: float, reason: str) -> None:
-        """End the transmission at a position of the grid, for a reason."""
+        """End the transmission at a position of the grid, for a reason; words that end later count as silent."""
         now = self._pass
         self.lost = self.lost or reason
         if now is not None and math.isfinite(until):
