@@ -155,6 +155,8 @@ class ControlServer:
         """
         Update the authority with the state of rig and MWD, send due commands to the rig, and publish the state.
 
+        A call less than `_PERIOD` after the last update does nothing.
+
         now: monotonic time, s.
         """
         if now - self._updated_at < _PERIOD:
@@ -218,7 +220,7 @@ class ControlServer:
         return message
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the owner of control, and the number of refused commands."""
+        """Return a diagnostic with the owner of control and the number of refused commands; none if control is off."""
         if self._unsafe:
             return [Diagnostic("control", WARN, self._unsafe, _RESTART)]
         if not self.authority.settings.enabled:

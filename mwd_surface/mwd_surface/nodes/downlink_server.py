@@ -292,7 +292,7 @@ class DownlinkServer:
         )
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the state of the current downlink."""
+        """Return a diagnostic with the state of the last command; none without a tool file."""
         machine = self._machine
         if machine is None:
             return [] if self._refusal == _NO_TOOL else [Diagnostic("downlink", WARN, self._refusal, _RESTART)]

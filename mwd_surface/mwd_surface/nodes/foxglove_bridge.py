@@ -48,7 +48,7 @@ class FoxgloveBridge:
             self._server.put(topic, type_name, data, now_ns, latched=latched)
 
     def update(self) -> None:
-        """Send the simulated time of the graph to clients; called twenty times a second."""
+        """Send the time of the graph to clients, if it is simulated; called twenty times a second."""
         if self._server is not None and self._simulated and (now_ns := self._now_ns()) > 0:
             self._server.set_time(now_ns)
 
@@ -58,7 +58,7 @@ class FoxgloveBridge:
             self._server.advertise(topic, type_name)
 
     def open(self) -> None:
-        """Start the server; on failure raise an alarm and try again later."""
+        """Start the server if it does not run, at most every `_RETRY_S`; on failure raise an alarm."""
         server = self._server
         if server is None or server.address or time.monotonic() - self._tried_at < _RETRY_S:
             return
@@ -79,7 +79,7 @@ class FoxgloveBridge:
             self._server.stop()
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the state of the server."""
+        """Return a diagnostic with the state of the server; none if the server is disabled."""
         server = self._server
         if server is None:
             return []

@@ -144,7 +144,11 @@ class RecordingServer:
         self._alarm_log.clear_alarm("recording.start")
 
     def _start(self, name: str) -> Path:
-        """Begin a recording, and note its topics of samples for `tell_streams`; return the path of the recording."""
+        """
+        Begin a recording, and note its topics of samples for `tell_streams`; return the path of the recording.
+
+        Raises RecorderError if the recording cannot be started.
+        """
         path = self._recorder.start(name)
         over_link = self._live.parts.over_link
         resolve = self._node.resolve_topic_name
@@ -261,7 +265,11 @@ class RecordingServer:
 
 
 def _first_stamp(topic: str, data: bytes) -> int | None:
-    """Return the stamp of the first sample of a message, ns; None if it cannot be read."""
+    """
+    Return the stamp of the first sample of a message, ns.
+
+    topic: relative name. Return None if the message cannot be read or has no samples.
+    """
     try:
         if topic in burst.TOPICS:
             samples = burst.decode(data)

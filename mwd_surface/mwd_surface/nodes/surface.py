@@ -107,7 +107,14 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     # Lifecycle.
 
     def configure(self) -> None:
-        """Lock the folder, load the survey list, open topics, services, page and rig interfaces."""
+        """
+        Lock the folder, load the survey list, open topics, services, page and rig interfaces.
+
+        Raises
+        ------
+        RuntimeError
+            A part cannot be created: a file, folder or port cannot be used, or settings contradict each other.
+        """
         try:
             self._create_parts()
         except (RecorderError, StoreError, InterfaceError, FoxgloveError, OSError, ValueError) as error:
@@ -389,7 +396,7 @@ def _decoded(topic: str, data: bytes) -> Any:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the surface node."""
+    """Run the surface node; return the exit status of the process."""
     return run_node(SurfaceNode, args)
 
 

@@ -345,14 +345,18 @@ class SurveyListServer(SurveyBook):
         self._worker.submit(lambda: _files(table(), report=True), made)
 
     def attachments(self) -> list[tuple[str, str, bytes]]:
-        """Return files for a recording: the surveys as CSV, and the report if it belongs to the current list."""
+        """
+        Return name, type and content of files for a recording; an empty list without surveys.
+
+        The files are the surveys as CSV, and the report if it belongs to the current list.
+        """
         if not self.surveys.records:
             return []
         # A list that has just changed has no report yet.
         return self._files if self._reported is self.surveys else _files(self._table()(), report=False)
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the state of the list."""
+        """Return a diagnostic with the number of surveys, or with the reason why the list is not saved."""
         text = self._save_error or f"{len(self.surveys.records)} surveys"
         return [Diagnostic("survey list", ERROR if self._save_error else OK, text)]
 
