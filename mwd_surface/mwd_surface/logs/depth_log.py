@@ -465,7 +465,7 @@ def on_grid(curves: Sequence[Curve], step_m: float) -> tuple[Array, tuple[Array,
     depth : ndarray, shape (n,)
         Middle of each step, m, from the shallowest to the deepest step of all curves.
     rows : tuple of ndarray of int64, shape (m,)
-        For each curve: index in `depth` of each of its values.
+        For each curve that has steps: index in `depth` of each of its values. Curves without steps are left out.
     """
     curves = [one for one in curves if len(one.depth)]
     if not curves:
@@ -491,8 +491,8 @@ def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[
     Returns
     -------
     shift, correlation : float
-        Distance to add to the depths of `other`, m, and the correlation at that shift, -1 to 1; both NaN if fewer than
-        ten steps have a value in both curves.
+        Distance to add to the depths of `other`, m, and the correlation at that shift, -1 to 1; both NaN if at no
+        shift ten steps have a value in both curves, or if one of the curves is constant there.
 
     Raises
     ------

@@ -80,7 +80,7 @@ def _columns_of(curve: Curve, rows: Array, count: int) -> list[LogColumn]:
 
 
 def csv(log: DepthLog, which: str, well: Well) -> bytes:
-    """Return a table with one row for each depth step; unknown values are empty."""
+    """Return a CSV table, UTF-8, with one row for each depth step; unknown values are empty. `well` is not used."""
     del well
     found = columns(log, which)
     lines = [",".join(f"{one.key}{f'_{one.unit}' if one.unit and k else ''}" for k, one in enumerate(found))]
@@ -89,7 +89,7 @@ def csv(log: DepthLog, which: str, well: Well) -> bytes:
 
 
 def parquet(log: DepthLog, which: str, well: Well) -> bytes:
-    """Return a Parquet table with the same numbers as the CSV table."""
+    """Return a Parquet file with the same numbers as the CSV table; unknown values are null. `well` is not used."""
     import pyarrow as arrow
     from pyarrow import parquet as files
 

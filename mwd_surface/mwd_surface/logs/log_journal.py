@@ -32,7 +32,7 @@ _FIELDS = frozenset(field.name for field in dataclasses.fields(LogSample))
 
 class LogJournal:
     """
-    Journal of one well; call `close` at the end.
+    Journal of one well; call `close` at the end. Raises OSError if the file cannot be opened.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class LogJournal:
 
     @classmethod
     def read(cls, path: Path) -> LogJournal:
-        """Return the journal of a finished run, for reading only."""
+        """Return the journal of a finished run, for reading only; OSError if the file cannot be read."""
         made = cls.__new__(cls)
         made.unreadable, made.fault, made._path, made._file, made._rig_ns = 0, "", path, None, 0
         made._health = None

@@ -137,7 +137,11 @@ def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
 
 
 def _coarse(run_s: Array, run: Array, memory_s: Array, memory: Array) -> tuple[float, float]:
-    """Return the lag with the best correlation, s, and this correlation; half of the shorter series must overlap."""
+    """
+    Return the lag with the best correlation, s, and this correlation; half of the shorter series must overlap.
+
+    Raises ClockError if the correlation is low, or if another lag has nearly the same correlation.
+    """
     one = np.interp(np.arange(0.0, run_s[-1], _COARSE_S), run_s, run)
     two = np.interp(np.arange(0.0, memory_s[-1], _COARSE_S), memory_s, memory)
 
