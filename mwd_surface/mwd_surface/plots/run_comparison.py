@@ -89,8 +89,8 @@ def differences(ours: dict[str, Array], expected: dict[str, Array]) -> dict[str,
     """
     Return the differences of two runs from `thinned`, at the stamps of `ours`, with `expected` interpolated.
 
-    The result has stamp_ns, ns, and the difference of each angle, deg, shape (n,); azimuth differences are within half
-    a turn.
+    The result has stamp_ns, ns, and the difference of each angle, deg, from -180 to 180, shape (n,); NaN if `expected`
+    has no rows.
     """
     stamps = ours["stamp_ns"]
     found: dict[str, Array] = {"stamp_ns": stamps}
