@@ -85,7 +85,11 @@ class RequestQueue:
         )
 
     def call(self, name: str, arguments: dict[str, Any]) -> Answer:
-        """Send a request from another thread and wait for its answer, at most 12 s."""
+        """
+        Send a request from another thread; return its answer.
+
+        After `_TIMEOUT_S` without an answer, False and a message are returned; the request may still be carried out.
+        """
         answer: concurrent.futures.Future[Answer] = concurrent.futures.Future()
         self._queue.put((name, arguments, answer))
         try:
