@@ -42,7 +42,7 @@ def read(path: Path, encoding: str) -> tuple[dict[str, list[str]], int]:
     Raises
     ------
     ValueError
-        The file has no samples, or more than `budgets.PRESSURE_JSON` allows.
+        The file has no samples, or more than `budgets.PRESSURE_JSON` allows (BudgetError).
     OSError
         The file cannot be read.
     """

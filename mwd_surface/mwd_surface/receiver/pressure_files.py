@@ -55,7 +55,7 @@ class PressureFile:
 
 def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse", columns: str = "") -> PressureFile:
     """
-    Read pressure from a file; in V in place of Pa for a link through the ground.
+    Return the pressure in a file; in V in place of Pa for a link through the ground.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def read_strokes(path: Path) -> dict[int, Array]:
 
 def read_bytes(path: Path, baud: int) -> PressureFile:
     """
-    Read the bytes of a serial line, 0 to 255 in place of the pressure, from a recording or a raw capture.
+    Return the bytes of a serial line, 0 to 255 in place of the pressure, from a recording or a raw capture.
 
     The times of a capture assume that the bytes followed each other without pauses, at `baud` bits per second.
 

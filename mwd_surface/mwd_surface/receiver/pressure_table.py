@@ -421,7 +421,8 @@ class _TableFile:
         Return the columns of the time: [time], or [date, time] if the date is a separate column.
 
         Return an empty list if the caller states a rate. If several time columns have the same name, or are named
-        after a quantity ("pressure time"), the last one before the column `value` is used.
+        after a quantity ("pressure time"), the last one before the column `value` is used. Raises ValueError if there
+        is no column of time.
         """
         if any(key.startswith("rate") for key in self._said):
             return []
@@ -487,7 +488,11 @@ class _TableFile:
         return len(cells[column.number].strip(' "')) < min(usual, default=0)
 
     def _all_cells(self, wanted: Sequence[_Column]) -> list[Any]:
-        """Return the cells of columns, as `cells`, in all rows, even if only the rows of one tag are selected."""
+        """
+        Return the cells of columns, as `cells`, in all rows, even if only the rows of one tag are selected.
+
+        Raises ValueError if the file cannot be read as a table.
+        """
         import pyarrow as pa
 
         numbers = [one.number for one in wanted]
@@ -515,7 +520,11 @@ class _TableFile:
         return all(re.match(_NUMBER, str(cell)) for cell in self._cells_of(number)[:50])
 
     def _read(self, types: Sequence[Any], wanted: list[str], names: list[str]) -> list[Any]:
-        """Return the columns with these names and types; pyarrow.ArrowInvalid if a cell is not of its type."""
+        """
+        Return the columns with these names and types; `skipped` becomes the number of lines that are not rows.
+
+        Raises pyarrow.ArrowInvalid if a cell is not of its type, ValueError if there are too many rows.
+        """
         from pyarrow import csv
 
         skipped: list[int] = []
@@ -607,7 +616,7 @@ class _TableFile:
         return values, notes
 
     def _mark(self, text: Any, column: _Column) -> str:
-        """Return the decimal mark of a column of text; see `mark_of`."""
+        """Return the decimal mark of a column of text, as `mark_of`; ValueError if the mark is ambiguous."""
         every = max(1, len(text) // 5000)
         others = (cell for row in self._table.rows[:200] for cell in row.cells)
         try:

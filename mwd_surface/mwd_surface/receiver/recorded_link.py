@@ -29,7 +29,7 @@ class RecordedLink(NamedTuple):
 
 def read(path: Path, link: str, topic: str = "") -> RecordedLink:
     """
-    Read the recorded samples of a link.
+    Return the recorded samples of a link.
 
     Time 0 is the first sample, as it was for the live receiver; for FluidPressure it is the whole second in which the
     recording begins. A recording without samples gives empty arrays.

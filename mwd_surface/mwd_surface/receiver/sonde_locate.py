@@ -144,7 +144,7 @@ class SondeFix:
 
 def locate(readings: SurfaceReadings, known: SondeFacts, errors: ReadingErrors = ReadingErrors()) -> SondeFix:  # noqa: B008
     """
-    Locate a sonde from readings of its field at the surface.
+    Return the place, direction and moment of a sonde from readings of its field at the surface.
 
     The sonde is assumed to be below all points of the receiver.
 

@@ -35,7 +35,7 @@ class SentAttitude:
 
 def read(path: Path) -> SurfaceReadings:
     """
-    Read a table of readings.
+    Return the readings in a table.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def read(path: Path) -> SurfaceReadings:
 
 
 def _numbers(path: Path, columns: Mapping[str, list[str]], name: str) -> Array:
-    """Return a column as numbers; an empty cell is NaN."""
+    """Return a column as numbers, NaN for an empty cell; ValueError for a cell with a text."""
     found = []
     for row, cell in enumerate(columns[name]):
         try:

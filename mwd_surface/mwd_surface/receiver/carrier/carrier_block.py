@@ -202,7 +202,7 @@ class BlockDecoder:
     def _channel(
         self, data: BlockData, mean: Complex, variance: Array, taps: Complex, weight: Array
     ) -> tuple[Complex, Complex]:
-        """Estimate the response to one symbol, shape (_LAGS,), and the sum of the lines, shape (n,)."""
+        """Return the estimated response to one symbol, shape (_LAGS,), and the sum of the lines, shape (rows,)."""
         columns = np.concatenate([self._trains(mean), data.lines], axis=1)
         left = filtered(columns, taps)
         right = filtered(data.envelope, taps)

@@ -162,7 +162,7 @@ class Link:
         return out
 
     def _push(self, time: Array, value: Array) -> LinkOutput:
-        """Add samples that lie within one second, as `push`."""
+        """Add samples that lie within one second; return the output that they complete, as `push`."""
         if self._other is not None:
             self._other.push(time, value, self.flow.on_since(self.now_s), self._expected_s)
         if self._tool.medium == "mud":

@@ -102,7 +102,9 @@ class LinkFeed:
 
     def push(self, start_ns: int, period_s: float, values: Array) -> LinkOutput:
         """
-        Add a burst: stamp of its first sample, ns, time between samples, s, and samples, shape (n,).
+        Add a burst; return the output that it completes.
+
+        start_ns: stamp of the first sample; period_s: time between samples; values: samples, shape (n,).
 
         The link restarts if the time jumps back, or forward by more than an hour. A burst whose time jumps waits for
         the next burst, and is dropped if that one is nearer to the time before the jump: its stamp was wrong. Call

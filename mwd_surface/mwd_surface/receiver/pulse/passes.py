@@ -280,9 +280,10 @@ def _soft_ranks(
 
 def _mixed(codes: list[int], chances: Array, holds: Array | None, disturbed: float) -> Soft:
     """
-    Mix the code probabilities of steady noise and of a disturbance, which has the probability `disturbed`.
+    Return the word with the mixed code probabilities of steady noise and of a disturbance.
 
-    chances, shape (temperatures, codes): probability of each code; holds, shape (temperatures,): as in `Soft`.
+    chances, shape (2, codes): probability of each code in steady noise and in a disturbance; holds, shape (2,): as in
+    `Soft`, None without a parity; disturbed: probability of a disturbance.
     """
     shares = np.array([1.0 - disturbed, disturbed])
     # A parity that probably fails is evidence for a disturbance of this word.

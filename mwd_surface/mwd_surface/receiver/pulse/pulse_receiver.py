@@ -86,7 +86,11 @@ class PulseReceiver(SampledReceiver):
         return after
 
     def push(self, time_s: Array, value: Array) -> Reception:
-        """Add samples, as `SampledReceiver.push`; if no flow spans were given, also find the flow from the pressure."""
+        """
+        Add samples; return the words and passes that they complete, as `SampledReceiver.push`.
+
+        If no flow spans were given, the spans are also found from these samples.
+        """
         if self._finds_flow:
             self._flow.push(time_s, value)
         return super().push(time_s, value)

@@ -199,7 +199,7 @@ class DecodedStretch:
 
 def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStretch:
     """
-    Decode a stretch.
+    Return the decoded packets of a stretch, with the channel, timing and evidence.
 
     Parameters
     ----------

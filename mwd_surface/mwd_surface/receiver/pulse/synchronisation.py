@@ -176,7 +176,7 @@ def _found(
     pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], whitener: Array, least: float
 ) -> SyncFound | None:
     """
-    Find the best sync with a known noise model; None if no sync has the score `least`.
+    Return the best sync with a known noise model, and its next best as `other`; None if no sync has the score `least`.
 
     span: range of the first sample of the sync. whitener: noise model.
     """
