@@ -115,7 +115,7 @@ def trajectory(
 
 
 def _of_table(table: Path, said: ListSettings) -> Continuous:
-    """Return the continuous measurements of a table."""
+    """Return the continuous measurements of a table, read with the settings `said`; ListFileError if it is refused."""
     import dataclasses
 
     from mwd_surface.list_files.list_error import ListFileError
