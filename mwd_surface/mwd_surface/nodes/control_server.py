@@ -124,7 +124,7 @@ class ControlServer:
         return response
 
     def judge(self, request: Any, response: Any) -> Any:
-        """Carry out the decision of a person about control of the rig (service)."""
+        """Carry out the decision of a person about control of the rig; return the response (service)."""
         response.success, response.message = self.authority.judge(
             request.decision, request.operator_name, time.monotonic(), request.reason, request.number
         )

@@ -114,13 +114,13 @@ class DownlinkServer:
     # Services and action.
 
     def draft(self, request: Any, response: Any) -> Any:
-        """Compose a command (service)."""
+        """Compose a command; return the response, with the reason if the command is refused (service)."""
         return self._answer(
             response, lambda machine, now: machine.draft(request.command, request.value, request.operator_name, now)
         )
 
     def decide(self, request: Any, response: Any) -> Any:
-        """Submit, grant, deny or abort a downlink (service)."""
+        """Submit, grant, deny or abort a downlink; return the response, with the reason if refused (service)."""
         name, kind = request.operator_name, srv.DecideDownlink.Request
 
         def carry_out(machine: Machine, now: float) -> str:

@@ -95,7 +95,7 @@ class RecordingServer:
         self._heard = False
 
     def put(self, topic: str, type_name: str, data: bytes, log_ns: int, qos: str = "") -> bool:
-        """Record a message; arguments and result are those of `Recorder.put`."""
+        """Record a message; return whether it was accepted. Arguments and result are those of `Recorder.put`."""
         taken = self._recorder.put(topic, type_name, data, log_ns, qos=qos)
         if taken and topic in self._unheard:
             name, single = self._unheard.pop(topic)
@@ -200,21 +200,25 @@ class RecordingServer:
     # Services.
 
     def start(self, request: Any, response: Any) -> Any:
-        """Start a recording (service)."""
+        """Start a recording; return the response, with the path or the reason of the failure (service)."""
         return self._respond(response, lambda: self._start(request.name), "recording into")
 
     def stop(self, _request: Any, response: Any) -> Any:
-        """Stop the recording (service)."""
+        """Stop the recording; return the response (service)."""
         if self._recorder.status().state == RecorderState.RECORDING:
             self._attach_files()
         return self._respond(response, self._recorder.stop, "finished")
 
     def split(self, _request: Any, response: Any) -> Any:
-        """Continue the recording in a new file (service)."""
+        """Continue the recording in a new file; return the response (service)."""
         return self._respond(response, self._recorder.split, "finished")
 
     def snapshot(self, _request: Any, response: Any) -> Any:
-        """Write the last seconds of messages, which are kept in memory, to a separate recording (service)."""
+        """
+        Write the last seconds of messages, which are kept in memory, to a separate recording (service).
+
+        Return the response, with the path in its message or the reason of the failure.
+        """
         return self._respond(response, self._recorder.snapshot, "written")
 
     def _respond(self, response: Any, action: Callable[[], Path], word: str) -> Any:

@@ -292,13 +292,13 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     # Messages and requests.
 
     def _acknowledge(self, request: Any, response: Any) -> Any:
-        """Acknowledge an alarm (service)."""
+        """Acknowledge an alarm; return the response (service)."""
         log = self._shared.alarm_log
         response.success, response.message = log.book.acknowledge(request.id, request.operator_name, log.now_ns())
         return response
 
     def _handle_request(self, name: str, arguments: dict[str, Any]) -> Answer | concurrent.futures.Future[Answer]:
-        """Carry out a request of page or rig in the thread of the node."""
+        """Carry out a request of page or rig in the node's thread; return success and a message, or their future."""
         if name == "count_rods":
             return self._rods.count(**arguments)
         if name == "use_leg":
