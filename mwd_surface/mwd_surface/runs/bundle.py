@@ -46,7 +46,7 @@ class Bundle:
 
 def write(folder: Path, target: Path, minutes: float, versions: str, environment: Mapping[str, str]) -> Bundle:
     """
-    Write the zip of a run, a well's folder or a recording.
+    Write the zip of a run, a well's folder or a recording; return its contents and remarks.
 
     Parameters
     ----------

@@ -188,7 +188,7 @@ def write(path: Path, found: Calibration, about: Mapping[str, Any]) -> None:
 
 def read(path: Path, unit: str = "ahrs") -> Calibration:
     """
-    Read a calibration file, written by `write`, for use with a unit.
+    Return the calibration in a file that `write` made, for use with a unit.
 
     Raises
     ------

@@ -48,7 +48,7 @@ class CheckResult:
 
 def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT) -> list[CheckResult]:
     """
-    Run all checks, in the order in which problems should be fixed.
+    Run all checks; return their results, in the order in which problems should be fixed.
 
     Parameters
     ----------

@@ -368,7 +368,7 @@ def _own_folder() -> Path:
     Raises
     ------
     OSError
-        The folder cannot be created, or other users can write to it.
+        The folder cannot be created, or other users can write to it (PermissionError).
     """
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     folder = Path(runtime) / "mwd" if runtime else Path(tempfile.gettempdir()) / f"mwd-{os.getuid()}"
