@@ -59,7 +59,7 @@ class LogJournal:
         self._rig_ns = 0
 
     def _opened(self) -> BinaryIO:
-        """Open the file to append to it; end its last line if a full disk or a power cut left it incomplete."""
+        """Return the file, opened to append; end its last line if a full disk or a power cut left it incomplete."""
         file = self._path.open("a+b")
         size = file.seek(0, os.SEEK_END)
         if size:
@@ -182,7 +182,7 @@ class LogJournal:
 
 
 def _has_sums(line: str, health: HealthLedger) -> bool:
-    """Restore an account from the sums in a line; return False if the line has no valid sums."""
+    """Restore an account from the sums in a line; return whether the line has valid sums."""
     if not line.startswith(f'{{"{_SUMS}"'):
         return False
     try:

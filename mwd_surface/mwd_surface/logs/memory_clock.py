@@ -90,7 +90,7 @@ class Rotation:
 
 def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
     """
-    Find offset and drift of the clock of a memory relative to the run.
+    Return offset and drift of the clock of a memory relative to the clock of the run.
 
     Raises
     ------
