@@ -421,6 +421,9 @@ class PageServer:
 
         may_be_safe: whether to accept the right token from a locked-out address. An attacker may share the operator's
         address, so commands that only return control of the rig are not locked out.
+
+        Raises web.HTTPException: 403 without a configured token, 429 for a locked-out address, 401 for a missing or
+        wrong token.
         """
         if self._access is None:
             raise web.HTTPForbidden(text="this page is read-only: no token is configured")
@@ -596,7 +599,7 @@ class QuietPeer(asyncio.Protocol):
         self._inner.data_received(data)
 
     def eof_received(self) -> bool | None:
-        """Pass on that the peer sends no more data."""
+        """Pass on that the peer sends no more data; return whether the connection stays open for writing."""
         return bool(self._inner.eof_received())
 
     def connection_lost(self, error: Exception | None) -> None:
