@@ -49,7 +49,7 @@ def thinned(attitude: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
 
 
 def picture(ours: ComparedRun, expected: ComparedRun) -> Figure:
-    """Draw inclination and azimuth of two runs with their surveys, and the differences."""
+    """Return a figure of inclination and azimuth of two runs with their surveys, and of the differences."""
     from matplotlib.figure import Figure
 
     runs = [(run.name, thinned(run.attitude), run.surveys) for run in (ours, expected)]
