@@ -142,7 +142,11 @@ def _mark(value: Array, levels: Array, kept: float, sides: Array) -> None:
 
 @compiled
 def _count(x: float, rows: Array) -> None:
-    """Count a sample in a table of extreme values; a new extreme value replaces the value with the fewest samples."""
+    """
+    Count a sample in the extreme values of one side: at the value that it equals, and beyond the values it exceeds.
+
+    A new value beyond the innermost extreme value replaces the value with the fewest samples.
+    """
     fewest, known = 0, False
     for j in range(len(rows)):
         if x > rows[j, 0]:

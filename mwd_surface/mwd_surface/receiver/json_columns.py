@@ -97,7 +97,11 @@ def _values(path: Path, encoding: str) -> Iterator[Any]:
 
 
 def _loaded(line: str) -> Any:
-    """Return the JSON value of a line, which may be an item of a list over several lines; None if it is not JSON."""
+    """
+    Return the JSON object or list in a line, which may be an item of a list over several lines.
+
+    Return None if the line has no JSON object or list.
+    """
     text = line.strip(" \t\r\n\x1e\ufeff,\x00")
     for one in (text, text.lstrip("[").strip(), text.rstrip("]").strip()):
         try:
@@ -152,7 +156,7 @@ def _flat(value: dict[str, Any], above: str) -> Iterator[tuple[str, str]]:
 
 
 def _cell(value: Any) -> str:
-    """Return a value as the text of a cell; empty if it is unknown."""
+    """Return a value as the text of a cell; empty for null and for a number that is not finite."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return ""
     return value if isinstance(value, str) else str(value)

@@ -76,7 +76,7 @@ class SteadyTimes:
         return found[:, 0], found[:, 1]
 
     def _take(self, at: float, value: float) -> list[tuple[float, float]]:
-        """Add a sample; return the times and values of the samples whose times are now confirmed."""
+        """Add a sample, unless its time is not finite; return times and values of the samples now confirmed."""
         if not np.isfinite(at):
             return []
         out, before = [], self._unconfirmed

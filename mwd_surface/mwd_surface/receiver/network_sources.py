@@ -200,7 +200,11 @@ class LineSource(_OfStream):
         self._wrong, self._without, self._heard = "", 0, False
 
     def read(self) -> tuple[Array, Array]:
-        """Return times, s, and pressures, Pa, since the last call; a line without a pressure is left out."""
+        """
+        Return times, s, and pressures, Pa, since the last call; shape (n,) each.
+
+        A line without a pressure is left out. The arrays are empty until the first lines have shown the format.
+        """
         lines = self._lines()
         if self._format is None:
             self._head = [*self._head, *lines][-_LONGEST_HEAD:]
@@ -473,7 +477,7 @@ def _numbers(cells: list[str], mark: str, unit: str) -> Array:
 
 
 def _number(cell: str, mark: str, unit: str) -> float:
-    """Return the number of a cell, which may be followed by the unit; NaN if the cell has no number."""
+    """Return the number of a cell, with or without `unit`; NaN without a number, with another unit, or for a null."""
     found = None if is_null(cell) else split(cell)
     if found is None or found[1].lower().rstrip(".") not in ("", unit):
         return math.nan

@@ -408,7 +408,7 @@ class _TableFile:
         raise ValueError(f"--columns {name}: {self.path} has no such column; it has {', '.join(self._table.names)}")
 
     def missing(self, quantity: str, what: str) -> str:
-        """Return the message for a missing column, with the way to name it."""
+        """Return the message for a missing column, with the options that name it."""
         if self.headless:
             return f"{self.path}: no line names the columns; say which are which with --columns time_s=1,pressure_bar=2"
         return (
@@ -555,7 +555,11 @@ class _TableFile:
         return [table.column(name) for name in wanted]
 
     def _split(self, numbers: Sequence[int]) -> list[list[str]]:
-        """Return the cells of columns separated by spaces; of a LAS file, those of the section ~A."""
+        """
+        Return the cells of columns separated by spaces; of a LAS file, those of the section ~A.
+
+        Comments, and lines with too few cells, are left out.
+        """
         columns: list[list[str]] = [[] for _ in numbers]
         first = 0 if self.headless or self._las else _line(self._table)
         inside = not self._las

@@ -478,7 +478,11 @@ def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
 
 
 def spread(seconds: Array) -> tuple[Array, list[str]]:
-    """Return times and notes; samples that share a stamp get evenly spaced times up to the next stamp."""
+    """
+    Return times, s, and notes; samples that share a stamp get evenly spaced times up to the next stamp.
+
+    The times are returned unchanged, without a note, unless more than half of their steps are 0 and none is below 0.
+    """
     if seconds.size < 8:
         return seconds, []
     steps = np.diff(seconds)

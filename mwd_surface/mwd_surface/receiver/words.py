@@ -118,7 +118,7 @@ class FrameReport:
 @dataclasses.dataclass
 class Reception:
     """
-    Words and passes that a block of samples completed.
+    Words, and passes of sequences (frames), that a block of samples completed.
 
     Attributes
     ----------

@@ -91,7 +91,7 @@ class CarrierReceiver(SampledReceiver):
         self._line = ""
 
     def finish(self) -> Reception:
-        """Decode the samples that are left at the end; return their words and the report of the last pass."""
+        """Decode the samples that are left at the end; return their words and the report of the last frame."""
         done = self._take(*self._resampler.finish())
         if self._grid.end:
             # Append unknown samples, as after a gauge failure, so that an incomplete last block is decoded too.
@@ -131,7 +131,7 @@ class CarrierReceiver(SampledReceiver):
             )
 
     def _advance(self, done: Reception) -> None:
-        """Search for markers and decode blocks in the samples that have arrived."""
+        """Search for markers and decode blocks in the samples that have arrived; add words and reports to `done`."""
         while True:
             if self._lock is not None:
                 if self._needs(self._lock.start, self._lock.symbol) > self._grid.end:

@@ -254,7 +254,7 @@ class Link:
         return max((item.bits for items in sequences for item in items if item.name == word.name), default=0)
 
     def _survey_of(self, words: list[ReceivedWord]) -> list[HeardSurvey]:
-        """Return a list with the survey in the words of a pass; empty if no word is usable."""
+        """Return a list with the survey in the words of one pass of a sequence; empty if no word is usable."""
         values = believed(words)
         if not values:
             return []
@@ -319,9 +319,9 @@ class Link:
 
     def _heard(self) -> tuple[FrameReport | None, ReceivedWord | None, list[ReceivedWord]]:
         """
-        Return the last pass, the last word and the final words that ended since flow-on; None for no pass or word.
+        Return the last pass of a sequence, the last word and the final words, if they ended after flow-on, else None.
 
-        Older ones do not describe the present.
+        The final words are a list, which may be empty. Older words do not describe the present.
         """
         since = self.flow.on_since(self.now_s)
         frame, word = self._last_frame, self._last_word
@@ -388,7 +388,11 @@ class ToolFlow:
         self._word_s = -math.inf
 
     def take(self, at_s: float, rate: float | None) -> None:
-        """Add the flow that the rig reports at a time, s; rate: m^3/s, None if the rig reports no flow."""
+        """
+        Add the flow that the rig reports at a time, s; rate: m^3/s, None or NaN if the rig reports no flow.
+
+        For a link through the earth a change of side also begins or ends a span without flow.
+        """
         if rate is None or not math.isfinite(rate):
             self._at_s = -math.inf
             return
@@ -413,7 +417,12 @@ class ToolFlow:
         return max(self.spans.on_since(now_s), self._since_s if self._above(now_s) else -math.inf)
 
     def silence(self, now_s: float) -> str:
-        """Return why the tool sends nothing now; empty if it may send. A tool on a wire may always send."""
+        """
+        Return why the tool sends nothing now; empty if it may send.
+
+        It may send if it is on a wire, if pressure and the rig's flow do not show that the flow is low, or if a usable
+        word began after they showed this.
+        """
         if self._tool.medium == "serial":
             return ""
         above, pumping = self._above(now_s), self._pumping(now_s)
@@ -429,7 +438,7 @@ class ToolFlow:
         )
 
     def contradiction(self, now_s: float) -> str:
-        """Return how pressure and the rig's flow contradict each other now; empty if they agree."""
+        """Return how pressure and the rig's flow contradict each other now; empty if they agree or one is unknown."""
         above, pumping = self._above(now_s), self._pumping(now_s)
         reported = f"the rig reports a flow of {self._rate / LPM:.0f} l/min"
         if above is False and pumping and self._rate < _LEAST_SHARE * self._tool.flow_threshold:

@@ -148,7 +148,7 @@ class LinkAttitude:
         """
         Store a usable word, provisional or final, unless a later one of the same quantity is stored.
 
-        An erased word removes the stored word of the same pass and place.
+        An erased word removes the stored word with the same frame and index, which is its provisional form.
         """
         quantity = meanings.meaning_of(word.name)
         if not quantity:
@@ -247,7 +247,11 @@ class LinkAttitude:
         return max(found, key=lambda one: one.start_s) if found else None
 
     def _motion(self) -> Status:
-        """Return the motion of the string from rig data; sliding requires motion along the hole."""
+        """
+        Return the motion of the string from rig data: rotating, still in the slips, or sliding.
+
+        Sliding requires motion along the hole. Return Status(0) if none of these is known.
+        """
         if self.rotating:
             return Status.ROTATING
         if self.in_slips:

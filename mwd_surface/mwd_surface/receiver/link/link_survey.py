@@ -91,7 +91,7 @@ def survey(
     quality: QualitySettings | None = None,
 ) -> Survey | None:
     """
-    Return the survey in the believed words of one pass; None if the inclination is not among them.
+    Return the survey in the believed words of one frame; None if the inclination is not among them.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ class LinkSurveys:
         self._count = 0
 
     def take(self, heard: HeardSurvey, now_ns: int) -> list[Survey]:
-        """Add the words of a pass, all received until the stamp `now_ns`, ns; return the surveys now complete."""
+        """Add the words of one frame, all received until the stamp `now_ns`, ns; return the surveys now complete."""
         station, out = self._station, []
         if station is None or not _same(station, heard):
             out = self._ended(station)
@@ -111,7 +111,11 @@ class LinkSurveys:
         return self._ended(self._station)
 
     def _ended(self, station: _LinkStation | None) -> list[Survey]:
-        """Return the survey of a station, unless it was returned before and no needed word has come since."""
+        """
+        Return a list with the survey of a station.
+
+        The list is empty without an inclination, and if the survey was returned before and no angle has come since.
+        """
         if station is None:
             return []
         known = frozenset(station.values.keys() & {meanings.INCLINATION, meanings.AZIMUTH})

@@ -87,7 +87,7 @@ class PulseReceiver(SampledReceiver):
 
     def push(self, time_s: Array, value: Array) -> Reception:
         """
-        Add samples; return the words and passes that they complete, as `SampledReceiver.push`.
+        Add samples; return the words and frames that they complete, as `SampledReceiver.push`.
 
         If no flow spans were given, the spans are also found from these samples.
         """
@@ -96,7 +96,7 @@ class PulseReceiver(SampledReceiver):
         return super().push(time_s, value)
 
     def finish(self) -> Reception:
-        """Decode the samples that are left at the end; return their words and the reports of their passes."""
+        """Decode the samples that are left at the end; return their words and the reports of their frames."""
         done = self._take(*self._resampler.finish())
         # Append unknown samples, as after a gauge failure, so that the last word is decoded too, without its echoes.
         self._last = self._grid.end
@@ -251,7 +251,7 @@ def decode(
     tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array] | None = None
 ) -> Reception:
     """
-    Return the words and passes of a whole recording.
+    Return the words of a whole recording, and the reports of its frames.
 
     strokes: times, s, of the strokes of each pump; other arguments as in `PulseReceiver.push`.
     """

@@ -176,7 +176,11 @@ class Tracker:
         return one.gained(begin, end) - other.gained(begin, end)
 
     def _end(self, one: ReceivedTransmission, done: Reception, better: ReceivedTransmission | None = None) -> None:
-        """End a hypothesis; publish its words if it leads and the better one does not explain the same pulses."""
+        """
+        End a hypothesis; publish its words if it leads, or if none leads, none is better and it is confirmed.
+
+        Words are not published if none of them was published before and the better hypothesis begins within their sync.
+        """
         self._all.remove(one)
         if one is not self.leader and (self.leader is not None or better is not None or not one.confirmed):
             return
@@ -189,7 +193,11 @@ class Tracker:
         self._frames = one.base + one.frames if one.published else self._frames
 
     def _publish(self, done: Reception) -> None:
-        """Choose the leader, and publish its words unless another hypothesis is nearly as probable."""
+        """
+        Choose the leader, and publish its words unless another hypothesis is nearly as probable.
+
+        A leader that is established, or whose words were published before, is not compared with others.
+        """
         if self.leader is None:
             ready = [one for one in self._all if one.confirmed]
             self.leader = max(ready, key=lambda one: one.total, default=None)

@@ -2,6 +2,8 @@
 """
 Soft decisions on packets: the forward-backward algorithm over the packets of some words, parity included.
 
+A packet is a window of time with one pulse; the place of the pulse gives the value of the packet.
+
 The metric is Ungerboeck's: the output of the matched filter at a place, minus half the energy of a pulse, minus the
 energy that pulses have in common. The previous pulse is a state of the trellis and enters exactly; pulses farther away
 enter by their mean.
