@@ -161,7 +161,11 @@ def revision_sentences(records: Sequence[SurveyRecord]) -> list[str]:
 
 
 def list_warnings(records: Sequence[SurveyRecord]) -> list[str]:
-    """Return sentences about surveys without a depth, with the reason, and about surveys with flags."""
+    """
+    Return sentences about surveys without a depth, with the reason, and about surveys with flags.
+
+    Flags of the first survey with a depth are left out.
+    """
     without: dict[str, list[int]] = {}
     flagged: dict[str, list[int]] = {}
     # Do not report flags of the first record with a depth, because a recording does not contain the hole above it.
