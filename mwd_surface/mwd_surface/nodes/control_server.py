@@ -220,7 +220,11 @@ class ControlServer:
         return message
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return a diagnostic with the owner of control and the number of refused commands; none if control is off."""
+        """
+        Return a diagnostic with the owner of control and the number of refused commands.
+
+        The list is empty if control is off. If the lease numbers cannot be used, the diagnostic has the reason.
+        """
         if self._unsafe:
             return [Diagnostic("control", WARN, self._unsafe, _RESTART)]
         if not self.authority.settings.enabled:

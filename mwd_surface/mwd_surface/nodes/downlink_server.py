@@ -229,7 +229,11 @@ class DownlinkServer:
         )
 
     def _follow(self, machine: Machine, now: float) -> None:
-        """Carry out the changes of a machine: command the rig, write journal and memory, publish state and result."""
+        """
+        Carry out the changes of a machine: command the rig, write journal and memory, publish state and result.
+
+        The command is aborted if the rig cannot be controlled.
+        """
         # The authority uses the monotonic clock, because heartbeats come from computers, not from the rig.
         steady = time.monotonic()
         if machine.set_point is not None:
@@ -292,7 +296,7 @@ class DownlinkServer:
         )
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return a diagnostic with the state of the last command; none without a tool file."""
+        """Return a diagnostic with the last command, or why none can be sent; an empty list without a tool file."""
         machine = self._machine
         if machine is None:
             return [] if self._refusal == _NO_TOOL else [Diagnostic("downlink", WARN, self._refusal, _RESTART)]

@@ -255,7 +255,7 @@ class RecordingServer:
         return self._recorder.status()
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the state of the recorder."""
+        """Return a diagnostic with the state of the recorder; an error has a remedy."""
         status = self._recorder.status()
         values = (("messages", str(status.messages)), ("dropped", str(status.dropped)))
         text, remedy = status.state.name.lower(), ""

@@ -315,7 +315,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
             )
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return the progress, and the topics that are not published."""
+        """Return a diagnostic of the progress and, once the replay runs, one of the topics that are not published."""
         values: tuple[tuple[str, str], ...] = (("messages", str(self._published)), ("round", str(self._rounds)))
         if self._pace is None:
             message = "over; subscribers acknowledge the last messages" if self._over else "waiting for a listener"
