@@ -41,7 +41,7 @@ def columns(log: DepthLog, which: str) -> list[LogColumn]:
     """
     Return the columns of a log: depth; and value, sigma, quality, time, counts and sectors of each channel.
 
-    which: the pass, one of `depth_log.PASSES`.
+    which: logging pass, one of `depth_log.PASSES`.
     """
     curves = [curve for curve in log.curves(which) if len(curve.depth)]
     depth, rows = on_grid(curves, log.step_m)
