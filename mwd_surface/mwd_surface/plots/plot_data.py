@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Data for a plot of a bag, collected in one pass in constant memory; only an Allan plot needs a second pass."""
+"""Data for a plot of a bag, collected in constant memory while the bag is read once; an Allan plot reads it twice."""
 
 from __future__ import annotations
 
