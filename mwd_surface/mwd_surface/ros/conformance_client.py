@@ -224,7 +224,7 @@ class RosPeer:
         return ControlAnswer(answer.permission, answer.lease, answer.message)
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
-        """Send a set-point, and return whether it comes into force; True for a heartbeat (sequence 0)."""
+        """Send a set-point; return whether it is in force within `_SEEN_S`. True for a heartbeat (sequence 0)."""
         self.publish(self.sealed(_command(lease, sequence, point)))
         if sequence == 0:
             return True
