@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd tool`: check the configuration of a tool, simulate a recording of such a tool, locate its coil."""
+"""`mwd tool`: write and check the configuration of a tool, simulate a recording of such a tool, locate its coil."""
 
 from __future__ import annotations
 
