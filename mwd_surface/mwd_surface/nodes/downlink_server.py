@@ -83,7 +83,7 @@ class DownlinkServer:
         self._link_seen: tuple[float, bool] = (-math.inf, False)
 
     def open(self) -> None:
-        """Open topic, services and action."""
+        """Open topic, services and action; nothing without a tool file, only services if no command can be sent."""
         node = self._node
         if self._machine is None and self._refusal == _NO_TOOL:
             return

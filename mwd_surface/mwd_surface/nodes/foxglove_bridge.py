@@ -41,7 +41,11 @@ class FoxgloveBridge:
         return self._put_simulated if self._simulated else self._server.put
 
     def _put_simulated(self, topic: str, type_name: str, data: bytes, _received_ns: int, *, latched: bool) -> None:
-        """Send a message to the server with the simulated time of the ROS graph as its time of reception."""
+        """
+        Send a message to the server with the simulated time of the ROS graph as its time of reception.
+
+        Messages before the first message of /clock are dropped, except latched ones.
+        """
         now_ns = self._now_ns()
         # Skip messages before the first message of /clock: their time is 0, and plots of viewers would begin at 0.
         if self._server is not None and (now_ns > 0 or latched):

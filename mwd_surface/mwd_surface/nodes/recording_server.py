@@ -164,7 +164,7 @@ class RecordingServer:
         return path
 
     def deactivate(self) -> None:
-        """Finish the recording."""
+        """Attach the files to the recording and finish it, if one runs; a failure is only logged."""
         self._wanted = False
         if self._recorder.status().state == RecorderState.STOPPED:
             return
