@@ -295,7 +295,7 @@ def errors(found: Calibration) -> list[tuple[str, str, list[str]]]:
 
 
 def _figure(value: float, sigma: float) -> str:
-    """Return value and 1 sigma as text, both to the second significant digit of the sigma."""
+    """Return value and 1 sigma as text, to the second digit of the sigma; the value alone if the sigma is 0."""
     if not sigma > 0.0:
         return f"{value:.4g}"
     decimals = max(0, 1 - math.floor(math.log10(sigma)))
