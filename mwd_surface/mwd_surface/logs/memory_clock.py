@@ -173,7 +173,11 @@ def _coarse(run_s: Array, run: Array, memory_s: Array, memory: Array) -> tuple[f
 
 
 def _refined(run_s: Array, run: Array, memory_s: Array, memory: Array, lag: float) -> list[tuple[float, float]]:
-    """Return the time of the run and the offset of the memory clock, s, at each start and stop of the rotation."""
+    """
+    Return the time of the run and the offset of the memory clock, s, at each start and stop of the rotation.
+
+    A start or stop is left out if both recordings do not cover it, or if the offset there is far from `lag`, s.
+    """
     found: list[tuple[float, float]] = []
     of_run, of_memory = _smoothed(run_s, run), _smoothed(memory_s, memory)
     room = _REACH_S + 0.5 * _SMOOTH_S
