@@ -351,7 +351,7 @@ class _StillPen(_Pen):
         self._stamps, self._held = self._stamps[whole * window :], self._held[whole * window :]
 
     def _longest(self) -> tuple[int, int]:
-        """Return first and last stamp of the longest still interval; (0, 0) if there is none."""
+        """Return first and last stamp of the longest still interval, ns; (0, 0) if there is none."""
         if not self._edges:
             return 0, 0
         edges, moved = np.array(self._edges), np.array(self._moved)
