@@ -98,7 +98,7 @@ class RequestQueue:
             return False, "the surface node did not answer; try again"
 
     def run_requests(self) -> None:
-        """Carry out the waiting requests; called by the node's timer."""
+        """Carry out the waiting requests; called by the node's timer. If the handler raises, the request fails."""
         while not self._queue.empty():
             name, arguments, answer = self._queue.get()
             try:
