@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Even grid of pressure values that grows at its end and drops its oldest values."""
+"""Even grid of pressure that grows at its end and drops its oldest values, and crank angles from pump strokes."""
 
 from __future__ import annotations
 

@@ -146,7 +146,11 @@ def _side_by_side(lists: dict[str, list[Any]]) -> Iterator[dict[str, str]]:
 
 
 def _flat(value: dict[str, Any], above: str) -> Iterator[tuple[str, str]]:
-    """Yield name and cell of each quantity of an object and of the objects inside it, with dots between the names."""
+    """
+    Yield name and cell of each quantity of an object and of the objects inside it, with dots between the names.
+
+    Lists are left out, and so are the names of objects that only hold the quantities (`_HOLDERS`).
+    """
     for name, one in value.items():
         whole = name if not above else f"{above}.{name}"
         if isinstance(one, dict):

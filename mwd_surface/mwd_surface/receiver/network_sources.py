@@ -150,7 +150,7 @@ class _Arrivals:
         self._clock, self._last = clock, clock()
 
     def times(self, count: int) -> Array:
-        """Return times of samples that arrived since the last call, s."""
+        """Return times, s, of `count` samples that arrived since the last call, shape (count,)."""
         now, last = self._clock(), self._last
         if count == 0:
             return np.zeros(0)

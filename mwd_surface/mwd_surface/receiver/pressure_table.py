@@ -732,7 +732,7 @@ def in_pascal(values: Array, unit: str) -> tuple[Array, list[str]]:
 
 
 def _line(table: Table) -> int:
-    """Return the number of lines above the first row."""
+    """Return the number of lines of the file above the first row of its table; 0 if unknown."""
     found = re.search(r"line (\d+)$", table.rows[0].at if table.rows else table.at)
     return int(found[1]) - 1 if found else 0
 

@@ -78,7 +78,11 @@ def topics_of(bag: Bag) -> list[str]:
 
 
 def _strokes(bag: Bag, pressure_topic: str, origin: int) -> dict[int, Array]:
-    """Return the stroke times of each pump, s after `origin`, ns, from the topic next to a pressure topic."""
+    """
+    Return the stroke times of each pump, s after `origin`, ns, from the topic `strokes` next to a pressure topic.
+
+    The dict is empty if there is no such topic.
+    """
     name = pressure_topic.rpartition("/")[0] + "/strokes"
     if name not in bag.topics or bag.topics[name].type_name != gauge_burst.STROKES:
         return {}

@@ -228,7 +228,11 @@ class _Model:
             )
 
     def starts(self) -> list[Array]:
-        """Return first guesses of the unknowns, shape (6,) each: below the strongest points, in all directions."""
+        """
+        Return first guesses of the unknowns, shape (6,) each: below the strongest points, at several depths.
+
+        The guesses have azimuths all around, or near the known azimuth.
+        """
         weight = self._size / self._size.sum()
         centre = weight @ self._point[:, :2]
         # At a given distance the strength is largest on the axis and smallest beside the coil; use the mean of both.

@@ -181,7 +181,11 @@ def of_text(text: Any) -> Array:
 
 
 def _moments(text: Any) -> tuple[Array, list[Array]]:
-    """Return the seconds of the day of an Arrow array of text, and its days since 1970 in each order of the parts."""
+    """
+    Return the seconds of the day of an Arrow array of text, and its days since 1970 in each order of day, month, year.
+
+    Each array has the shape (n,), with NaN where a cell has no clock or no possible date.
+    """
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -351,7 +355,11 @@ def _text(cells: Sequence[str]) -> Any:
 
 
 def clock_text(text: Any) -> Any:
-    """Return clocks HHMMSS, an Arrow array of text, with leading zeros; None if the numbers are not clocks."""
+    """
+    Return clocks HHMMSS, an Arrow array of text, with leading zeros.
+
+    Return None if at most half of the cells are numbers, or if one has more than 59 minutes or seconds.
+    """
     import pyarrow.compute as pc
 
     parts = pc.extract_regex(text, pattern=r"^(?P<whole>\d{1,6})(?P<rest>\.\d*)?$")

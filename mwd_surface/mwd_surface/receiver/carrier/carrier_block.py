@@ -269,7 +269,7 @@ class BlockDecoder:
         return ((mean + change[: self._count]) / posterior - mean * prior) / own, own
 
     def _soft_bits(self, estimate: Complex, precision: Array) -> Array:
-        """Return the log-likelihood ratio of each transmitted coded bit."""
+        """Return the log-likelihood ratio of each transmitted coded bit, positive for 0; shape (coded_bits,)."""
         z, rho = estimate[self._places], precision[self._places]
         if self._carrier.modulation == "qpsk":
             both = 2.0 * math.sqrt(2.0) * rho * z

@@ -133,7 +133,11 @@ class Link:
         return self._tool
 
     def successor(self, tool: ToolConfiguration) -> Link:
-        """Return a link with another tool configuration that continues the flow, attitude and time of this link."""
+        """
+        Return a link with another tool configuration that continues the flow, attitude and time of this link.
+
+        If both configurations send pulses, the doubt learned from parities continues too.
+        """
         after = Link(tool, self.name, self._rules, self._stamp_ns)
         after._tool_flow, after.attitude = copy.deepcopy(self._tool_flow), copy.deepcopy(self.attitude)
         after.flow = after._tool_flow.spans

@@ -276,7 +276,11 @@ class LinkAttitude:
         return value.value + end - end_then, min(sigma, math.pi)
 
     def _quill_at(self, at_s: float) -> tuple[float, float]:
-        """Return the angle of the top drive, rad, and the part of this angle that has reached the end of the string."""
+        """
+        Return the angle of the top drive and the angle that has reached the end of the string, rad, by interpolation.
+
+        Both are 0 if the top drive has reported no angle.
+        """
         if not self._quill:
             return 0.0, 0.0
         times, drive, end = zip(*self._quill, strict=True)

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feed of one link with bursts: convert stamps to times, and hold pressure until the strokes of its time arrive."""
+"""
+Feed of one link with bursts: convert stamps to times, and hold pressure until the strokes of its time arrive.
+
+`FollowingLink` follows the tool to the configuration that a downlink command selects.
+"""
 
 from __future__ import annotations
 

@@ -168,7 +168,11 @@ def _value(values: dict[str, LinkValue], quantity: str, otherwise: float) -> flo
 
 
 def _axes(values: dict[str, LinkValue], reference: Reference | None) -> tuple[Array, Array]:
-    """Return specific force and field in tool axes that reproduce the received values, with toolface at high side."""
+    """
+    Return specific force, m/s^2, and field, T, shape (3,) each, in tool axes with the toolface at high side.
+
+    They reproduce the received values. Values that were not received are those of the reference, else usual ones.
+    """
     usual = (reference.total, reference.dip) if reference is not None else (None, None)
     g = _value(values, meanings.G_TOTAL, STANDARD_GRAVITY)
     b = _value(values, meanings.B_TOTAL, usual[0] or _FIELD)

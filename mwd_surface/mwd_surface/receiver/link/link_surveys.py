@@ -100,14 +100,14 @@ class LinkSurveys:
         return out + self.advance(now_ns)
 
     def advance(self, now_ns: int) -> list[Survey]:
-        """Return the surveys that have waited long enough at a stamp, ns."""
+        """Return a list with the present survey if it is complete, or has waited long enough at a stamp, ns."""
         station = self._station
         if station is None or (not self._wanted <= station.values.keys() and now_ns < station.until_ns):
             return []
         return self._ended(station)
 
     def finish(self) -> list[Survey]:
-        """Return the survey that still waits when no more words come."""
+        """Return a list with the survey that still waits when no more words come."""
         return self._ended(self._station)
 
     def _ended(self, station: _LinkStation | None) -> list[Survey]:

@@ -170,7 +170,11 @@ def parts_of(
 
 
 def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH_BITS) -> tuple[SequenceItem, ...]:
-    """Return the next words of a sequence with at least `least` bits together; a short remainder is included."""
+    """
+    Return the next words of a sequence, after the first `done`, with at least `least` bits together.
+
+    A remainder of the sequence with less than half of these bits is included.
+    """
     bits, end = 0, done
     while end < len(items) and bits < least:
         bits += items[end].length

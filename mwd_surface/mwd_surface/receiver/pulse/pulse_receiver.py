@@ -185,7 +185,7 @@ class PulseReceiver(SampledReceiver):
                 return
 
     def _add(self, done: Reception, more: Reception) -> None:
-        """Add the words of a step to `done`, after earlier surveys have decided erased words."""
+        """Add words and reports of a step to `done`, after earlier surveys have decided erased words."""
         if more.frames and self._tracker.leader is not None:
             self.channel = self._tracker.leader.channel
         for frame in more.frames:

@@ -161,7 +161,11 @@ def _refined(
 
 
 def _settled(pressure: Array) -> int:
-    """Return the sample after which the pressure no longer moves as when pumps start, so that noise can be modelled."""
+    """
+    Return the sample after which the pressure no longer moves as when pumps start, so that noise can be modelled.
+
+    At least `_LEAST_NOISE` samples are left after it; 0 if there are not more.
+    """
     count = len(pressure) // _BLOCK
     if len(pressure) <= _LEAST_NOISE:
         return 0

@@ -162,7 +162,11 @@ class ReceivedTransmission:
         return self.needs() - SAMPLES_PER_TU * (_AFTER_TU + GAP_TU) * self._clock.pace - REACH
 
     def begins(self) -> float:
-        """Return the position of the grid up to which the sync search must have come before the next step."""
+        """
+        Return the position of the grid up to which the sync search must have come before the next step.
+
+        Return -inf if the next step does not depend on a sync.
+        """
         if self._pass is None:
             return self._clock.at(self._boundary)
         return self._clock.at(self._pass_end(self._pass) + SAMPLES_PER_TU) if self._pass.complete else -math.inf
@@ -283,7 +287,11 @@ class ReceivedTransmission:
         return words
 
     def _decode_again(self, now: Pass, parts: list[DecodedWord]) -> None:
-        """Decode words of a pass once more, all together: each with the pulses before and after it."""
+        """
+        Decode words of a sequence once more, all together: each with the pulses before and after it; update `parts`.
+
+        For words after a sync, also compute the probability that a second tool sends.
+        """
         if not parts:
             return
         starts = [(part.at - now.start) // SAMPLES_PER_TU for part in parts]
@@ -656,7 +664,7 @@ class Presence:
             del self._recent[0]
 
     def _last(self) -> list[PulseEvidence]:
-        """Return the last stretches with enough packets to be judged together."""
+        """Return the last stretches with `_JUDGED_PACKETS` packets or more together, else all recent stretches."""
         packets = 0
         for k in range(len(self._recent) - 1, -1, -1):
             packets += self._recent[k].packets
