@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Receiver node: receives pressure, voltage or bytes; publishes words, surveys, attitude and state of the links."""
+"""Receiver node: receives pressure, voltage or bytes; publishes words, frames, surveys, logs, attitude, quality."""
 
 from __future__ import annotations
 

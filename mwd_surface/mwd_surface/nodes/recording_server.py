@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of a well: services to start, stop and split recordings, and the recorder's status on a topic."""
+"""Recordings of a well: services to start, stop, split and snapshot, and the recorder's status on a topic."""
 
 from __future__ import annotations
 
