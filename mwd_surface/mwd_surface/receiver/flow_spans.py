@@ -83,7 +83,11 @@ class FlowSpans:
         return last is None or at_s >= last.end_s
 
     def rested(self, from_s: float, until_s: float) -> bool:
-        """Return whether there was time at rest for a survey, or a data gap that may hide it, between two times, s."""
+        """
+        Return whether a time without flow, or a data gap that may hide one, lies between two times, s.
+
+        Only a time without flow or a gap counts that is long enough for a survey.
+        """
         return any(
             from_s <= span.start_s and span.end_s <= until_s and span.end_s - span.start_s >= SURVEY_S
             for span in (*self.spans, *self._gaps)

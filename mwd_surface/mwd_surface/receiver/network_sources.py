@@ -79,7 +79,7 @@ class Pipe:
 
 class TcpClient:
     """
-    Bytes of a TCP connection, which is opened again when it is lost.
+    Bytes of a TCP connection; a lost connection is opened again.
 
     Parameters
     ----------

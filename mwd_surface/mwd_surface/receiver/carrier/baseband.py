@@ -150,7 +150,7 @@ def lines(value: Array, band: Band) -> Array:
 
 def line_columns(found: Array, band: Band, count: int, symbol: float) -> Complex:
     """
-    Return the columns of the lines in an envelope, to fit and subtract them; shape (count, WANDER k).
+    Return the columns of the lines in an envelope, to fit and subtract the lines; shape (count, WANDER k).
 
     found, shape (k,): frequencies of the lines, rad per step. count, symbol: as in `envelope`.
     """

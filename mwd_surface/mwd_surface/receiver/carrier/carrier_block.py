@@ -40,7 +40,7 @@ _LINE = 1e4  # prior variance of a line's amplitude relative to the noise: pract
 
 @dataclasses.dataclass(frozen=True)
 class BlockData:
-    """Envelope of a block with its margins, shape (n,); 1 where it is known; columns of the lines, shape (n, k)."""
+    """Envelope of a block with margins, shape (n,); 1 where its value is known; columns of the lines, shape (n, k)."""
 
     envelope: Complex
     known: Array

@@ -73,7 +73,7 @@ class LinkOutput:
     """
     Words, surveys and passes of sequences (all words sent once) that a block of samples completed, in order of time.
 
-    states: each new state of the link with the time it began, s; filled only by `LinkFeed`.
+    states: each new state of the link with its begin, s; filled only by `LinkFeed`.
     """
 
     words: list[ReceivedWord] = dataclasses.field(default_factory=list)
@@ -269,7 +269,8 @@ class Link:
         """
         Return the time of a survey whose words began at `sent_s`, s: in the last span without flow before that.
 
-        If this span is unknown, the time is the latest possible one; on a wire, it is directly before `sent_s`.
+        If this span is unknown, the time is the latest possible one. A tool on a wire takes a survey directly before
+        `sent_s`.
         """
         if self._wired:
             # A tool on a wire sends a survey directly after taking it.

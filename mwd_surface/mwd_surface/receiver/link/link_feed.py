@@ -111,9 +111,9 @@ class LinkFeed:
         start_ns: stamp of the first sample; period_s: time between samples; values: samples, shape (n,).
 
         The link restarts if the time jumps back, or forward by more than an hour. A burst whose time jumps waits for
-        the next burst, and is dropped if that one is nearer to the time before the jump: its stamp was wrong. Call
-        `take_strokes` first for strokes that have already arrived, because this call stops waiting for a counter that
-        stays silent.
+        the next burst. If the next burst is nearer to the time before the jump, the waiting burst is dropped, because
+        its stamp was wrong. Call `take_strokes` first for strokes that have already arrived, because this call stops
+        waiting for a counter that stays silent.
         """
         end_ns = start_ns + round(period_s * len(values) * NANOSECONDS)
         burst, out = _Burst(start_ns, end_ns, period_s, values, self._clock()), LinkOutput()

@@ -261,7 +261,7 @@ _TOTALS = {"total gravity": meanings.G_TOTAL, "total field": meanings.B_TOTAL, "
 
 
 def north_of(reference: Reference | None) -> tuple[North, float]:
-    """Return the best north that the reference allows, and the angle that turns a magnetic azimuth to it, rad."""
+    """Return the best north that the reference allows, and the angle to add to a magnetic azimuth for it, rad."""
     north = best_north(reference)
     return North[north.upper()], north_correction(reference, north) or 0.0
 

@@ -55,7 +55,7 @@ class LinkSurveys:
     tools : sequence of ToolConfiguration
         Configuration of each link. With several links, a survey that lacks a word waits for another link to bring it.
     reference : callable
-        Returns the reference field at a stamp, ns, or None if it is not configured.
+        Returns the reference field at a stamp, ns, or None if no reference is configured.
     errors : SensorErrors, optional
         Errors of the tool code, used where the tool sends no sigma.
     quality : QualitySettings, optional
@@ -173,7 +173,7 @@ def _agree(one: LinkValue, two: LinkValue, quantity: str) -> bool:
 
 
 def _better(new: LinkValue, old: LinkValue, quantity: str) -> bool:
-    """Return whether a word should replace another: the finer one if they agree, else the one with more confidence."""
+    """Return whether `new` should replace `old`: if they agree, by its smaller sigma, else by its higher confidence."""
     if _agree(new, old, quantity):
         return new.sigma < old.sigma
     return new.confidence > old.confidence
