@@ -207,7 +207,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         return part
 
     def _on_recording_started(self) -> None:
-        """Write the latched messages and the slide sheet into a recording that begins: its playback needs them."""
+        """Write the latched messages and the slide sheet into a recording that begins, for the playback."""
         self._router.repeat_latched()
         self._recording.add_tables({SLIDES: stretch_table(self._well.slides.stretches())})
 

@@ -47,7 +47,7 @@ class TopicRouter:
     record : callable
         `record(topic, type, data, received_ns, qos=...)`, called for the messages of recorded topics.
     foxglove : FoxgloveBridge
-        Receives every message if it is enabled.
+        Bridge that receives every message if it is enabled.
     handlers : mapping
         Function that is called at once with each serialised message, by topic.
     well : LiveWell
