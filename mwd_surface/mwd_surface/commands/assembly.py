@@ -213,7 +213,12 @@ def _pole(option: str, text: str) -> float:
 
 
 def _numbers(option: str, text: str) -> list[float]:
-    """Return the numbers of LOW:HIGH[:STEP], from LOW in steps up to HIGH, or of a list with commas."""
+    """
+    Return the numbers of LOW:HIGH:STEP, of LOW:HIGH (10 values), or of a list with commas.
+
+    option: name of the option, for the message. Raises ValueError if the text has another form, STEP is not above 0,
+    LOW is above HIGH, or there are too many values.
+    """
     import math
 
     try:

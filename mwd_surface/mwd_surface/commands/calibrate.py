@@ -86,9 +86,10 @@ def _data(
     run: str, unit: str, grade: str | None, seed: int | None, reading: Reading
 ) -> tuple[CalibrationReadings, Scenario | None, int]:
     """
-    Return the samples of a recording or a simulation, its scenario if known, and its start.
+    Return the samples of a recording or a simulation, its scenario (None if unknown), and its start.
 
-    The start is in ns since the epoch, 0 for a simulation.
+    The start is in ns since the epoch, 0 for a simulation. Raises SettingsError for an unknown unit, and ValueError for
+    options that have no use with a recording or with a scenario.
     """
     from mwd_sensors.core.settings import SettingsError, unknown_key
     from mwd_surface.bags.bag_files import storage_of
@@ -158,7 +159,7 @@ def _place(
     Return gravity, m/s^2, the field (total, T, and dip, rad), and their source as text.
 
     Gravity or field is None if no option gives it; if both are None, the source is "". day_ns : time of the data, ns
-    since the epoch, for the field model.
+    since the epoch, for the field model. Raises ValueError if options contradict each other or the date is not valid.
     """
     import datetime
     import math

@@ -94,7 +94,7 @@ def decode(
 
 
 def _received(receiver: Receiver, read: PressureFile, strokes: dict[int, Array]) -> Reception:
-    """Return the words received from a file; strokes: times of the strokes of each pump, s."""
+    """Return the words and frames received from a file; strokes: times of the strokes of each pump, s."""
     from mwd_surface.receiver.sampled_receiver import SampledReceiver
 
     if isinstance(receiver, SampledReceiver):

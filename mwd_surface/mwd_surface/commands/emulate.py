@@ -67,7 +67,11 @@ def emulate(
 
 
 def _samples(source: str, reading: Reading) -> Iterator[dict[str, Samples]]:
-    """Return the samples of a recording or a scenario in consecutive blocks, each with its samples by topic."""
+    """
+    Return an iterator over blocks of samples, by topic, of a recording or a scenario.
+
+    Raises ValueError if options for recordings are given with a scenario.
+    """
     if not Path(source).exists() or Path(source).suffix in (".yaml", ".yml"):
         if names := given_names(reading):
             raise ValueError(f"{names[0]} is an option for recordings; {source} is a scenario")

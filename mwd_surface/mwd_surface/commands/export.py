@@ -171,7 +171,8 @@ def _table(
     Return the table of surveys that is exported or reported, with everything that a report needs.
 
     plan: file of the plan, and settings for reading this file. with_logs: whether to add logs and health of the tool,
-    for which a recording is played from its beginning to its end.
+    for which a recording is played from its beginning to its end. Raises ValueError if the list has no survey, or if
+    `changes` has other settings than well.*.
     """
     import time
 

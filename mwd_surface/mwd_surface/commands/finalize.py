@@ -125,7 +125,11 @@ _EXPORTS = {
 
 
 def _source(text: str) -> tuple[Path, ListSource, tuple[str, ...]]:
-    """Return the path of a source, its survey list, and notes on its origin."""
+    """
+    Return the path of a source PATH[=CODE], its survey list with the tool code, and notes on its origin.
+
+    Raises ValueError if the tool code is unknown or the list has no survey.
+    """
     from mwd_surface.surveys.final_list import ListSource
     from mwd_surface.uncertainty.error_terms import check_tool_code
 

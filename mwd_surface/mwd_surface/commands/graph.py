@@ -180,7 +180,7 @@ def visit(domain: int | None) -> Iterator[GraphClient]:
 
 
 def _assigned(fields: list[str] | None) -> dict[str, Any]:
-    """Return FIELD=VALUE texts as a dict; a field name with dots gives nested dicts."""
+    """Return FIELD=VALUE texts as a dict, nested at dots; ValueError if a field has both a value and fields."""
     from mwd_surface.commands.reference_options import assignments
 
     table: dict[str, Any] = {}

@@ -129,7 +129,7 @@ def read_plan_option(path: Path | None, changes: Sequence[str] | None, well: Wel
     ListFileError
         The plan cannot be read, as in `read_plan`; options in the message are those of --plan-set.
     ValueError
-        --plan-set is given without --plan.
+        --plan-set is given without --plan, or has an unknown name or word (SettingsError).
     """
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked

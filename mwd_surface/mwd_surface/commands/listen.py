@@ -116,7 +116,11 @@ def _print(words: list[ReceivedWord]) -> None:
 def _opened(
     where: str, configuration: ToolConfiguration, gauge: Path | None, columns: str, clock: Callable[[], float]
 ) -> SampleSource:
-    """Return the source of live samples for a name such as `modbus:HOST:PORT`."""
+    """
+    Return the source of live samples for a name such as `modbus:HOST:PORT`; its times are those of `clock`, s.
+
+    Raises ValueError if the name has another form or does not fit the code of the tool.
+    """
     from mwd_sensors.core import settings
     from mwd_sensors.core.input_files import read_yaml
     from mwd_surface.receiver import network_sources, pressure_table, sources

@@ -158,7 +158,7 @@ def _surveys(
     Return the survey list of a source, read with the options of the command; print remarks about the list as warnings.
 
     said: settings for reading the list. beside: another list of the same hole, whose location and field are used if
-    neither this list nor the options give a field.
+    neither this list nor the options give a field. Raises ValueError if options for a list are given with a run.
     """
     import dataclasses
 
@@ -263,7 +263,8 @@ def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> 
     """
     Compare a path with the path of another list, print the differences, and return the files to write, by name.
 
-    The azimuths of the other list are first referred to the north of the path. names : names of the two lists.
+    The azimuths of the other list are first referred to the north of the path. names : names of the two lists. Raises
+    ValueError if declination or convergence for this is unknown.
     """
     import dataclasses
 

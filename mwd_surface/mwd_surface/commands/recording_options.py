@@ -64,7 +64,7 @@ _OPTIONS = {
 
 def reads_recording(command: Callable[..., None]) -> Callable[..., None]:
     """
-    Add the options for reading a recording to a command.
+    Return a command with the options for reading a recording added to its own options.
 
     The command must have an argument `reading` (see `Reading`), from which `input_settings` makes the settings.
     """

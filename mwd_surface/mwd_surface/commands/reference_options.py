@@ -135,7 +135,11 @@ def _flat(table: Mapping[str, Any], prefix: str) -> dict[str, Any]:
 
 
 def _tool_path(name: str) -> Path:
-    """Return the path of a tool file; a plain name is a grade included with the simulator."""
+    """
+    Return the path of a tool file; a plain name is a grade included with the simulator.
+
+    Raises SettingsError if there is neither such a file nor such a grade.
+    """
     import importlib.resources
 
     from mwd_sensors.core.settings import SettingsError, unknown_key
@@ -162,7 +166,7 @@ def placed_settings(
     Return settings of the estimator from the options of a command.
 
     place, tool: results of `place_changes` and `tool_changes`. start: settings that apply where neither file nor option
-    sets a value.
+    sets a value. Azimuths are from true north if `place` has values and neither option, file nor `start` sets a north.
 
     Raises
     ------
@@ -255,12 +259,15 @@ def place_changes(
     lat: float | None, lon: float | None, date: str | None, field: str | None, declination: float | None = None
 ) -> dict[str, Any]:
     """
-    Return the settings `place.*` from the options; empty if no option was given.
+    Return the settings `place.*` from the options; empty if neither place nor field was given.
+
+    A field without a declination also sets `survey.north` to magnetic.
 
     Raises
     ------
     ValueError
-        Only one of latitude and longitude is given, a date is given without both, or both place and field are given.
+        Only one of latitude and longitude is given, a date is given without both, both place and field are given, or
+        the field cannot be read.
     """
     if (lat is None) != (lon is None):
         raise ValueError("--lat and --lon: give both, or neither")

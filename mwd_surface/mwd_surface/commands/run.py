@@ -141,7 +141,7 @@ def run(
 
 def _given_plan(path: Path | None, said: list[str] | None) -> dict[str, Any]:
     """
-    Return the parameters of the surface node for the plan of --plan.
+    Return the parameters of the surface node for the plan of --plan; empty without a plan.
 
     Raise ValueError if settings for reading a plan are given without a plan.
     """
@@ -200,7 +200,11 @@ def _parameters(
 
 
 def _add_link(parameters: dict[str, dict[str, Any]], story: Scenario, folder: Path) -> None:
-    """Let the surface receive the tool only over the scenario's telemetry links; write one tool file per link."""
+    """
+    Change the parameters so that the surface receives the tool only over the scenario's telemetry links.
+
+    One tool file per link is written into `folder`. A scenario without telemetry changes nothing.
+    """
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.runs import launch_plan
 

@@ -37,7 +37,12 @@ class RunOptions:
 def run_graph(
     story: str, namespace: str, parameters: dict[str, dict[str, Any]], folder: Path, options: RunOptions
 ) -> None:
-    """Start the nodes, play the scenario until its end or an interrupt, and stop the nodes."""
+    """
+    Start the nodes, play the scenario until its end or an interrupt, and stop the nodes.
+
+    story: name of the scenario; namespace: that of the well; parameters: by node name; folder: gets the logs. Raises
+    typer.Exit with status 1 if the graph does not start.
+    """
     import contextlib
     import os
 
@@ -130,7 +135,7 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
     """
     Wait until the page answers and reports the estimator as active; return False if interrupted.
 
-    A slow start is not an error: the reason for waiting is printed every half minute. A failing node ends the wait.
+    A slow start is not an error: the reason for waiting is printed every half minute. StartError: a node fails.
     """
     import time
 
@@ -210,7 +215,7 @@ def _run_to_end(
 
 
 def _how_far(state: dict[str, Any]) -> str:
-    """Return the progress of the scenario, from the diagnostics of the sonde."""
+    """Return the progress of the scenario with a leading space, from the sonde's diagnostics; empty if unknown."""
     rows = state.get("diagnostics", {}).get("rows", [])
     return next((f" {row['message']}" for row in rows if row["name"].endswith("sonde: scenario")), "")
 

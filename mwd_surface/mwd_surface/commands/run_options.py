@@ -186,7 +186,8 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
     Raises
     ------
     SettingsError
-        No node has the parameter (similar names are listed), several have it, or its value is not allowed.
+        No node has the parameter (similar names are listed), several have it, its value is not allowed, or the node
+        is not in `parameters`.
     """
     from mwd_sensors.core import settings
     from mwd_surface.commands.reference_options import assignments
@@ -218,14 +219,16 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
 
 def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
     """
-    Return the surface parameters for a secret that protects the page's controls.
+    Return the surface parameters for a secret that protects the page's controls; empty if `token` is None.
 
-    The secret is stored in a file that only its owner can read.
+    The secret is stored in a file in `folder` that only its owner can read. "new" makes and prints a random secret.
 
     Raises
     ------
     ValueError
         The secret is too short.
+        OSError
+        The file cannot be written.
     """
     import os
     import secrets
@@ -246,7 +249,7 @@ def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
 
 def parameter_file(params: Path | None) -> list[str]:
     """
-    Return the ROS arguments for a parameter file.
+    Return the ROS arguments for a parameter file; an empty list if `params` is None.
 
     Other parameters of the node follow these arguments and have precedence over the file.
 

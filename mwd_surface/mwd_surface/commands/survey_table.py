@@ -34,7 +34,12 @@ def show_surveys(
     records: Sequence[SurveyRecord],
     convention: AngleConvention = AngleConvention.INCLINATION,
 ) -> None:
-    """Print a table of surveys with their depths, in the given order; only the last `_MOST` of a long list."""
+    """
+    Print a table of surveys with their depths, in the given order, then the reasons for their verdicts.
+
+    The table has only the last `_MOST` surveys of a long list. A last line names surveys that were accepted although
+    total field or dip is beyond its limit.
+    """
     first = max(len(records) - _MOST, 0)
     title = ("1 survey" if len(records) == 1 else f"{len(records)} surveys") + (f", the last {_MOST}" if first else "")
     # With the widest numbers the table just fits the 80 columns of a plain terminal.
@@ -156,7 +161,11 @@ def revision_sentences(records: Sequence[SurveyRecord]) -> list[str]:
 
 
 def list_warnings(records: Sequence[SurveyRecord]) -> list[str]:
-    """Return sentences about surveys without a depth, with the reason, and about surveys with flags."""
+    """
+    Return sentences about surveys without a depth, with the reason, and about surveys with flags.
+
+    Flags of the first survey with a depth are left out.
+    """
     without: dict[str, list[int]] = {}
     flagged: dict[str, list[int]] = {}
     # Do not report flags of the first record with a depth, because a recording does not contain the hole above it.

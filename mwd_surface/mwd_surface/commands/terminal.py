@@ -41,7 +41,7 @@ class PrintableStream:
         return getattr(self.stream, name)
 
     def write(self, text: str) -> int:
-        """Write a text with hidden characters escaped."""
+        """Write a text with hidden characters escaped; return the number of characters written."""
         if self.stream.isatty():
             parts = self._COLOUR.split(text)
             text = "".join(part if k % 2 else printable(part) for k, part in enumerate(parts))
@@ -128,7 +128,11 @@ def _moving() -> Console:
 
 @contextlib.contextmanager
 def progress(words: str) -> Iterator[Callable[[float], None]]:
-    """Show a progress bar if the output is a terminal; the block gets a function that sets the share done, 0 to 1."""
+    """
+    Show a progress bar during the block, if standard error is a terminal.
+
+    Yield a function that sets the share done, 0 to 1; without a terminal it has no effect.
+    """
     if not sys.stderr.isatty():
         yield lambda _share: None
         return
@@ -143,7 +147,7 @@ def progress(words: str) -> Iterator[Callable[[float], None]]:
 
 @contextlib.contextmanager
 def waiting(words: str) -> Iterator[None]:
-    """Show a spinner if the output is a terminal, else print one line."""
+    """Show a spinner during the block if standard error is a terminal, else print one line."""
     if not sys.stderr.isatty():
         remarks().print(words, markup=False)
         yield

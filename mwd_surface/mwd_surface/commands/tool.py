@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd tool`: check the configuration of a tool, simulate a recording of such a tool, locate its coil."""
+"""`mwd tool`: write and check the configuration of a tool, simulate a recording of such a tool, locate its coil."""
 
 from __future__ import annotations
 
@@ -112,7 +112,11 @@ def _word_line(item: SequenceItem, word: Word) -> str:
 
 
 def _lines_on(read: ToolConfiguration, file: Path, columns: str) -> list[str]:
-    """Return lines on the pulse width, sync and parity in a pressure file, and on whether they are as configured."""
+    """
+    Return lines on the pulse width, sync and parity in a pressure file, and on whether they are as configured.
+
+    Raises ValueError if the tool sends no pulses, or as `pressure_files.read` does.
+    """
     from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
     from mwd_surface.receiver import pressure_files
     from mwd_surface.receiver.link import other_width
@@ -145,7 +149,11 @@ def _alike(one: ToolConfiguration, other: ToolConfiguration) -> bool:
 
 
 def _channel_lines(read: ToolConfiguration, file: Path, columns: str) -> list[str]:
-    """Return lines on the pulse widths that can be received with the noise and the pulses of a pressure file."""
+    """
+    Return lines on the pulse widths that can be received with the noise and the pulses of a pressure file.
+
+    Raises ValueError if the tool sends no pulses, or if no word of the tool is in the file.
+    """
     import numpy as np
 
     from mwd_sensors.telemetry.tool_configuration import PULSE_CODES

@@ -115,7 +115,7 @@ def trajectory(
 
 
 def _of_table(table: Path, said: ListSettings) -> Continuous:
-    """Return the continuous measurements of a table."""
+    """Return the continuous measurements of a table, read with the settings `said`; ListFileError if it is refused."""
     import dataclasses
 
     from mwd_surface.list_files.list_error import ListFileError
@@ -133,7 +133,11 @@ def _of_table(table: Path, said: ListSettings) -> Continuous:
 
 
 def _of_recording(source: Path, surveys: SurveyList, recording: Path | None) -> Continuous | None:
-    """Return the continuous measurements of a processed recording; None if no recording is given."""
+    """
+    Return the continuous measurements of a processed recording; None if no recording is given.
+
+    Raises ValueError if the folder of `source` has no results of `mwd process`.
+    """
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.processing import run_folder
     from mwd_surface.processing.continuous_log import continuous_log

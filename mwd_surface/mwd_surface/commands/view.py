@@ -141,7 +141,8 @@ def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
     """
     Return the plan of a file, or else the plan or design that the recording names; None if there is no plan.
 
-    path, said: values of --plan and --plan-set.
+    path, said: values of --plan and --plan-set. A named file that is not on this machine counts as no plan, with a
+    remark. Raises ListFileError if the file of the plan cannot be read.
     """
     from mwd_surface.commands import terminal
     from mwd_surface.commands.list_options import read_plan_option

@@ -141,7 +141,7 @@ def write(folder: Path, key: str, tables: Mapping[str, list[dict[str, Any]]]) ->
 
 
 def finished(folder: Path, key: str) -> dict[str, Any] | None:
-    """Return the row of a recording in table `bags`; None if there is no row, or the processing failed."""
+    """Return the row of a recording in table `bags`; None if there is no readable row, or the processing failed."""
     file = folder / "bags" / f"{key}.parquet"
     if not file.is_file():
         return None

@@ -83,7 +83,7 @@ def index_html(outcomes: Sequence[Outcome]) -> str:
 
 def write_index(folder: Path, outcomes: Sequence[Outcome]) -> Path:
     """
-    Write index.html, completely or not at all.
+    Write index.html into a folder, completely or not at all; return the path of the file.
 
     Raises
     ------

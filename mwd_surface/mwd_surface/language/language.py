@@ -228,7 +228,11 @@ class _TemplateSearch:
         return self._known[text, depth, whole]
 
     def _by_template(self, templates: list[_Template], text: str, depth: int, best: _Translation) -> _Translation:
-        """Return the translation by the template with the fewest unknown letters, then with the most fixed letters."""
+        """
+        Return the translation by the template with the fewest unknown letters, then with the most fixed letters.
+
+        Return `best`, the translation found so far, if no template gives a better one.
+        """
         for template in [one for one in templates if one.longest in text]:
             for values in template.readings(text):
                 read = {name: self._value(name, value, depth, template) for name, value in values.items()}
@@ -299,7 +303,7 @@ def languages() -> dict[str, str]:
 
 def language(code: str) -> Language:
     """
-    Return a language by its code, also in the forms ``zh-CN`` and ``zh_CN.UTF-8``, or by its first part.
+    Return a language by its code, also in the forms ``zh-CN`` and ``zh_CN.UTF-8``, or by its part before `_`.
 
     Raises
     ------
@@ -326,7 +330,7 @@ def language_of_commands(environment: Mapping[str, str]) -> Language:
 
 
 def _name(code: str) -> str:
-    """Return the name of the catalogue for a code, one of `codes`."""
+    """Return the name of the catalogue for a code, one of `codes`; ValueError if there is no catalogue for it."""
     wanted = code.partition(".")[0].replace("-", "_")
     if wanted in ("", "C", "POSIX"):
         return ENGLISH

@@ -184,7 +184,7 @@ class _Sums:
 
 
 class _DepthChannel:
-    """One channel: its sums by pass, and the deepest depth of its sensor."""
+    """One channel: its sums by logging pass, and the deepest depth of its sensor."""
 
     def __init__(self, sample: LogSample) -> None:
         self.unit, self.sectors = sample.unit, len(sample.sectors)
@@ -218,7 +218,7 @@ class DepthLog:
     unusable : dict of str to int
         Number of samples and depths left out because they contradict themselves or the limits of a log, by reason.
     disordered : int
-        Number of samples placed after later samples of their channel; they may be in the wrong pass.
+        Number of samples placed after later samples of their channel; they may be in the wrong logging pass.
 
     Raises
     ------
@@ -389,7 +389,12 @@ class DepthLog:
             self.unplaced[sample.channel] = self.unplaced.get(sample.channel, 0) + 1
 
     def _bit(self, stamp_ns: int) -> tuple[float, float] | None:
-        """Return the depth of the bit and its deepest depth so far, m; None without a bit depth within `_BRIDGE_S`."""
+        """
+        Return the depth of the bit at a stamp, ns, by interpolation, and its deepest depth so far, m.
+
+        Return None if the depths before and after are more than `_BRIDGE_S` apart, or if the stamp is farther than
+        `_BRIDGE_S` before the first or after the last depth.
+        """
         after = bisect.bisect_left(self._stamps, stamp_ns)
         if after == 0 or after == len(self._stamps):
             near = 0 if after == 0 else after - 1
@@ -408,12 +413,12 @@ class DepthLog:
         """
         Return a channel over depth.
 
-        which: one of `PASSES`. most: number of the deepest steps to return; None returns all.
+        which: logging pass, one of `PASSES`. most: number of the deepest steps to return; None returns all.
 
         Raises
         ------
         ValueError
-            There is no sample of this channel, or no such pass.
+            There is no sample of this channel, or no such logging pass.
         """
         if channel not in self._channels:
             raise ValueError(f"channel: no sample of {channel!r}; there are {', '.join(self._channels) or 'none'}")
@@ -465,7 +470,7 @@ def on_grid(curves: Sequence[Curve], step_m: float) -> tuple[Array, tuple[Array,
     depth : ndarray, shape (n,)
         Middle of each step, m, from the shallowest to the deepest step of all curves.
     rows : tuple of ndarray of int64, shape (m,)
-        For each curve: index in `depth` of each of its values.
+        For each curve that has steps: index in `depth` of each of its values. Curves without steps are left out.
     """
     curves = [one for one in curves if len(one.depth)]
     if not curves:
@@ -491,8 +496,8 @@ def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[
     Returns
     -------
     shift, correlation : float
-        Distance to add to the depths of `other`, m, and the correlation at that shift, -1 to 1; both NaN if fewer than
-        ten steps have a value in both curves.
+        Distance to add to the depths of `other`, m, and the correlation at that shift, -1 to 1; both NaN if at no
+        shift ten steps have a value in both curves, or if one of the curves is constant there.
 
     Raises
     ------

@@ -41,7 +41,7 @@ def columns(log: DepthLog, which: str) -> list[LogColumn]:
     """
     Return the columns of a log: depth; and value, sigma, quality, time, counts and sectors of each channel.
 
-    which: the pass, one of `depth_log.PASSES`.
+    which: logging pass, one of `depth_log.PASSES`.
     """
     curves = [curve for curve in log.curves(which) if len(curve.depth)]
     depth, rows = on_grid(curves, log.step_m)
@@ -80,7 +80,7 @@ def _columns_of(curve: Curve, rows: Array, count: int) -> list[LogColumn]:
 
 
 def csv(log: DepthLog, which: str, well: Well) -> bytes:
-    """Return a table with one row for each depth step; unknown values are empty."""
+    """Return a CSV table, UTF-8, with one row for each depth step; unknown values are empty. `well` is not used."""
     del well
     found = columns(log, which)
     lines = [",".join(f"{one.key}{f'_{one.unit}' if one.unit and k else ''}" for k, one in enumerate(found))]
@@ -89,7 +89,7 @@ def csv(log: DepthLog, which: str, well: Well) -> bytes:
 
 
 def parquet(log: DepthLog, which: str, well: Well) -> bytes:
-    """Return a Parquet table with the same numbers as the CSV table."""
+    """Return a Parquet file with the same numbers as the CSV table; unknown values are null. `well` is not used."""
     import pyarrow as arrow
     from pyarrow import parquet as files
 

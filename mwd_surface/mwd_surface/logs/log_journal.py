@@ -32,7 +32,7 @@ _FIELDS = frozenset(field.name for field in dataclasses.fields(LogSample))
 
 class LogJournal:
     """
-    Journal of one well; call `close` at the end.
+    Journal of one well; call `close` at the end. Raises OSError if the file cannot be opened.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class LogJournal:
         self._rig_ns = 0
 
     def _opened(self) -> BinaryIO:
-        """Open the file to append to it; end its last line if a full disk or a power cut left it incomplete."""
+        """Return the file, opened to append; end its last line if a full disk or a power cut left it incomplete."""
         file = self._path.open("a+b")
         size = file.seek(0, os.SEEK_END)
         if size:
@@ -71,7 +71,7 @@ class LogJournal:
 
     @classmethod
     def read(cls, path: Path) -> LogJournal:
-        """Return the journal of a finished run, for reading only."""
+        """Return the journal of a finished run, for reading only; OSError if the file cannot be read."""
         made = cls.__new__(cls)
         made.unreadable, made.fault, made._path, made._file, made._rig_ns = 0, "", path, None, 0
         made._health = None
@@ -182,7 +182,7 @@ class LogJournal:
 
 
 def _has_sums(line: str, health: HealthLedger) -> bool:
-    """Restore an account from the sums in a line; return False if the line has no valid sums."""
+    """Restore an account from the sums in a line; return whether the line has valid sums."""
     if not line.startswith(f'{{"{_SUMS}"'):
         return False
     try:

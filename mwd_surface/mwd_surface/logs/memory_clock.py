@@ -90,7 +90,7 @@ class Rotation:
 
 def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
     """
-    Find offset and drift of the clock of a memory relative to the run.
+    Return offset and drift of the clock of a memory relative to the clock of the run.
 
     Raises
     ------
@@ -137,7 +137,11 @@ def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
 
 
 def _coarse(run_s: Array, run: Array, memory_s: Array, memory: Array) -> tuple[float, float]:
-    """Return the lag with the best correlation, s, and this correlation; half of the shorter series must overlap."""
+    """
+    Return the lag with the best correlation, s, and this correlation; half of the shorter series must overlap.
+
+    Raises ClockError if the correlation is low, or if another lag has nearly the same correlation.
+    """
     one = np.interp(np.arange(0.0, run_s[-1], _COARSE_S), run_s, run)
     two = np.interp(np.arange(0.0, memory_s[-1], _COARSE_S), memory_s, memory)
 
@@ -169,7 +173,11 @@ def _coarse(run_s: Array, run: Array, memory_s: Array, memory: Array) -> tuple[f
 
 
 def _refined(run_s: Array, run: Array, memory_s: Array, memory: Array, lag: float) -> list[tuple[float, float]]:
-    """Return the time of the run and the offset of the memory clock, s, at each start and stop of the rotation."""
+    """
+    Return the time of the run and the offset of the memory clock, s, at each start and stop of the rotation.
+
+    A start or stop is left out if both recordings do not cover it, or if the offset there is far from `lag`, s.
+    """
     found: list[tuple[float, float]] = []
     of_run, of_memory = _smoothed(run_s, run), _smoothed(memory_s, memory)
     room = _REACH_S + 0.5 * _SMOOTH_S

@@ -227,7 +227,7 @@ def _part(sample: LogSample, begin: int, end: int) -> LogSample:
 
 
 def improvements(run: DepthLog, merged: DepthLog, memory: DepthLog) -> list[Improvement]:
-    """Return the improvement of each channel by the memory, in the first pass."""
+    """Return the improvement of each channel by the memory, in the first logging pass."""
     found = []
     for name in merged.channels:
         after = merged.curve(name, FIRST)

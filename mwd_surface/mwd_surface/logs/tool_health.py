@@ -330,7 +330,11 @@ class HealthLedger:
         self._count = (sample.stamp_ns, sample.value)
 
     def add_flow(self, stamp_ns: int, *, pumping: bool) -> None:
-        """Add the state of the pumps in order of time; if a clock was set back, time is counted from the new stamp."""
+        """
+        Add the state of the pumps in order of time; a stamp that is not later than the last one is ignored.
+
+        A stamp that is more than an hour earlier means that a clock was set back: time is counted from it on.
+        """
         if self._flow is not None and self._flow[0] - _JUMP_NS <= stamp_ns <= self._flow[0]:
             return
         if self._flow is not None:

@@ -124,7 +124,7 @@ class ControlServer:
         return response
 
     def judge(self, request: Any, response: Any) -> Any:
-        """Carry out the decision of a person about control of the rig (service)."""
+        """Carry out the decision of a person about control of the rig; return the response (service)."""
         response.success, response.message = self.authority.judge(
             request.decision, request.operator_name, time.monotonic(), request.reason, request.number
         )
@@ -154,6 +154,8 @@ class ControlServer:
     def update(self, now: float) -> None:
         """
         Update the authority with the state of rig and MWD, send due commands to the rig, and publish the state.
+
+        A call less than `_PERIOD` after the last update does nothing.
 
         now: monotonic time, s.
         """
@@ -218,7 +220,11 @@ class ControlServer:
         return message
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the owner of control, and the number of refused commands."""
+        """
+        Return a diagnostic with the owner of control and the number of refused commands.
+
+        The list is empty if control is off. If the lease numbers cannot be used, the diagnostic has the reason.
+        """
         if self._unsafe:
             return [Diagnostic("control", WARN, self._unsafe, _RESTART)]
         if not self.authority.settings.enabled:

@@ -83,7 +83,7 @@ class DownlinkServer:
         self._link_seen: tuple[float, bool] = (-math.inf, False)
 
     def open(self) -> None:
-        """Open topic, services and action."""
+        """Open topic, services and action; nothing without a tool file, only services if no command can be sent."""
         node = self._node
         if self._machine is None and self._refusal == _NO_TOOL:
             return
@@ -114,13 +114,13 @@ class DownlinkServer:
     # Services and action.
 
     def draft(self, request: Any, response: Any) -> Any:
-        """Compose a command (service)."""
+        """Compose a command; return the response, with the reason if the command is refused (service)."""
         return self._answer(
             response, lambda machine, now: machine.draft(request.command, request.value, request.operator_name, now)
         )
 
     def decide(self, request: Any, response: Any) -> Any:
-        """Submit, grant, deny or abort a downlink (service)."""
+        """Submit, grant, deny or abort a downlink; return the response, with the reason if refused (service)."""
         name, kind = request.operator_name, srv.DecideDownlink.Request
 
         def carry_out(machine: Machine, now: float) -> str:
@@ -229,7 +229,11 @@ class DownlinkServer:
         )
 
     def _follow(self, machine: Machine, now: float) -> None:
-        """Carry out the changes of a machine: command the rig, write journal and memory, publish state and result."""
+        """
+        Carry out the changes of a machine: command the rig, write journal and memory, publish state and result.
+
+        The command is aborted if the rig cannot be controlled.
+        """
         # The authority uses the monotonic clock, because heartbeats come from computers, not from the rig.
         steady = time.monotonic()
         if machine.set_point is not None:
@@ -292,7 +296,7 @@ class DownlinkServer:
         )
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the state of the current downlink."""
+        """Return a diagnostic with the last command, or why none can be sent; an empty list without a tool file."""
         machine = self._machine
         if machine is None:
             return [] if self._refusal == _NO_TOOL else [Diagnostic("downlink", WARN, self._refusal, _RESTART)]

@@ -41,14 +41,18 @@ class FoxgloveBridge:
         return self._put_simulated if self._simulated else self._server.put
 
     def _put_simulated(self, topic: str, type_name: str, data: bytes, _received_ns: int, *, latched: bool) -> None:
-        """Send a message to the server with the simulated time of the ROS graph as its time of reception."""
+        """
+        Send a message to the server with the simulated time of the ROS graph as its time of reception.
+
+        Messages before the first message of /clock are dropped, except latched ones.
+        """
         now_ns = self._now_ns()
         # Skip messages before the first message of /clock: their time is 0, and plots of viewers would begin at 0.
         if self._server is not None and (now_ns > 0 or latched):
             self._server.put(topic, type_name, data, now_ns, latched=latched)
 
     def update(self) -> None:
-        """Send the simulated time of the graph to clients; called twenty times a second."""
+        """Send the time of the graph to clients, if it is simulated; called twenty times a second."""
         if self._server is not None and self._simulated and (now_ns := self._now_ns()) > 0:
             self._server.set_time(now_ns)
 
@@ -58,7 +62,7 @@ class FoxgloveBridge:
             self._server.advertise(topic, type_name)
 
     def open(self) -> None:
-        """Start the server; on failure raise an alarm and try again later."""
+        """Start the server if it does not run, at most every `_RETRY_S`; on failure raise an alarm."""
         server = self._server
         if server is None or server.address or time.monotonic() - self._tried_at < _RETRY_S:
             return
@@ -79,7 +83,7 @@ class FoxgloveBridge:
             self._server.stop()
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the state of the server."""
+        """Return a diagnostic with the state of the server; none if the server is disabled."""
         server = self._server
         if server is None:
             return []

@@ -41,7 +41,7 @@ class PageBridge:
 
     def open(self) -> None:
         """
-        Serve the page; if its port is in use, raise an alarm and try again later.
+        Serve the page if it is not served yet, at most once every `_RETRY_S`; raise an alarm if its port is in use.
 
         Raises
         ------
@@ -92,7 +92,7 @@ class PageBridge:
             self._server.push(self._state_json.snapshot(self._context.state()))
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the state of the page's server."""
+        """Return a diagnostic with the state of the page's server; none if no page is to be served."""
         if self._server is not None:
             return [Diagnostic("page", OK, f"{self._server.address}, {self._server.clients} watching")]
         if not self._settings.serve_page:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Receiver node: receives pressure, voltage or bytes; publishes words, surveys, attitude and state of the links."""
+"""Receiver node: receives pressure, voltage or bytes; publishes words, frames, surveys, logs, attitude, quality."""
 
 from __future__ import annotations
 
@@ -84,7 +84,15 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._line: SerialBytes | None = None
 
     def configure(self) -> None:
-        """Read the tool configurations, compile the kernels and open the topics."""
+        """
+        Read the tool configurations, compile the kernels and open the topics.
+
+        Raises
+        ------
+        RuntimeError
+            A tool configuration is missing or cannot be read, the tool code is unknown, or a serial port is set without
+            a wired tool.
+        """
         settings = self.settings
         if not settings.tool_file:
             raise RuntimeError("tool_file: a receiver needs the tool configuration; `mwd tool new` writes one")
@@ -116,7 +124,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self.add_timer(_PERIOD_S, self._on_timer)
 
     def _serial_line(self) -> SerialBytes | None:
-        """Return the serial line of a wired tool; None if no port is set."""
+        """Return the serial line of a wired tool, None if no port is set; RuntimeError if no tool is wired."""
         wired = [tool for tool in self._tools if tool.link == "serial"]
         if not self.settings.serial_port:
             return None
@@ -329,7 +337,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self._line.close()
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return the state of each link, and of the reference field."""
+        """Return a diagnostic for each link and, once samples have arrived, one for the reference field."""
         found = [self._diagnostic(one) for one in self._inputs]
         heard = [one.feed for one in self._inputs if one.feed.heard]
         # The reference field depends on the date, which is taken from the stamps of the samples.
@@ -366,7 +374,7 @@ def _follow(feed: LinkFeed, message: msg.DownlinkState) -> None:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the receiver node."""
+    """Run the receiver node; return the exit status of the process."""
     return run_node(ReceiverNode, args)
 
 

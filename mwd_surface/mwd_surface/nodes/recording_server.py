@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of a well: services to start, stop and split recordings, and the recorder's status on a topic."""
+"""Recordings of a well: services to start, stop, split and snapshot, and the recorder's status on a topic."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class RecordingServer:
         self._heard = False
 
     def put(self, topic: str, type_name: str, data: bytes, log_ns: int, qos: str = "") -> bool:
-        """Record a message; arguments and result are those of `Recorder.put`."""
+        """Record a message; return whether it was accepted. Arguments and result are those of `Recorder.put`."""
         taken = self._recorder.put(topic, type_name, data, log_ns, qos=qos)
         if taken and topic in self._unheard:
             name, single = self._unheard.pop(topic)
@@ -144,7 +144,11 @@ class RecordingServer:
         self._alarm_log.clear_alarm("recording.start")
 
     def _start(self, name: str) -> Path:
-        """Begin a recording, and note its topics of samples for `tell_streams`; return the path of the recording."""
+        """
+        Begin a recording, and note its topics of samples for `tell_streams`; return the path of the recording.
+
+        Raises RecorderError if the recording cannot be started.
+        """
         path = self._recorder.start(name)
         over_link = self._live.parts.over_link
         resolve = self._node.resolve_topic_name
@@ -160,7 +164,7 @@ class RecordingServer:
         return path
 
     def deactivate(self) -> None:
-        """Finish the recording."""
+        """Attach the files to the recording and finish it, if one runs; a failure is only logged."""
         self._wanted = False
         if self._recorder.status().state == RecorderState.STOPPED:
             return
@@ -196,21 +200,25 @@ class RecordingServer:
     # Services.
 
     def start(self, request: Any, response: Any) -> Any:
-        """Start a recording (service)."""
+        """Start a recording; return the response, with the path or the reason of the failure (service)."""
         return self._respond(response, lambda: self._start(request.name), "recording into")
 
     def stop(self, _request: Any, response: Any) -> Any:
-        """Stop the recording (service)."""
+        """Stop the recording; return the response (service)."""
         if self._recorder.status().state == RecorderState.RECORDING:
             self._attach_files()
         return self._respond(response, self._recorder.stop, "finished")
 
     def split(self, _request: Any, response: Any) -> Any:
-        """Continue the recording in a new file (service)."""
+        """Continue the recording in a new file; return the response (service)."""
         return self._respond(response, self._recorder.split, "finished")
 
     def snapshot(self, _request: Any, response: Any) -> Any:
-        """Write the last seconds of messages, which are kept in memory, to a separate recording (service)."""
+        """
+        Write the last seconds of messages, which are kept in memory, to a separate recording (service).
+
+        Return the response, with the path in its message or the reason of the failure.
+        """
         return self._respond(response, self._recorder.snapshot, "written")
 
     def _respond(self, response: Any, action: Callable[[], Path], word: str) -> Any:
@@ -247,7 +255,7 @@ class RecordingServer:
         return self._recorder.status()
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the state of the recorder."""
+        """Return a diagnostic with the state of the recorder; an error has a remedy."""
         status = self._recorder.status()
         values = (("messages", str(status.messages)), ("dropped", str(status.dropped)))
         text, remedy = status.state.name.lower(), ""
@@ -261,7 +269,11 @@ class RecordingServer:
 
 
 def _first_stamp(topic: str, data: bytes) -> int | None:
-    """Return the stamp of the first sample of a message, ns; None if it cannot be read."""
+    """
+    Return the stamp of the first sample of a message, ns.
+
+    topic: relative name. Return None if the message cannot be read or has no samples.
+    """
     try:
         if topic in burst.TOPICS:
             samples = burst.decode(data)

@@ -102,7 +102,14 @@ class ReplayNode(GraphNode[ReplaySettings]):
         self._said_at = 0.0
 
     def configure(self) -> None:
-        """Open the bag and a publisher for each topic whose type is installed."""
+        """
+        Open the bag and a publisher for each topic to publish.
+
+        Raises
+        ------
+        ValueError
+            No bag is given, it cannot be read, or `published_topics` refuses it.
+        """
         settings = self.settings
         if not settings.bag:
             raise ValueError("bag: must be given: which recording to publish")
@@ -128,7 +135,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         self.add_timer(_TIMER_PERIOD, self._on_timer)
 
     def activate(self) -> None:
-        """Start from the beginning as soon as there are subscribers."""
+        """Start from the beginning once there are subscribers, or after `wait_for_listener_s`."""
         self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
         self._pace = None
         self._over = False
@@ -153,7 +160,11 @@ class ReplayNode(GraphNode[ReplaySettings]):
         self._said_at = time.monotonic()
 
     def _go_to(self, log_ns: int) -> int:
-        """Continue with the first message recorded at or after `log_ns`; return its time of recording, ns."""
+        """
+        Continue with the first message recorded at or after `log_ns`.
+
+        Return the time of recording of this message, ns, or `log_ns` if no message follows.
+        """
         if self._bag is None:
             raise RuntimeError("the bag is closed; configure the node first")
         self._messages: Iterator[Message] = self._bag.messages(list(self._topic_publishers), log_ns, self._to_ns)
@@ -304,7 +315,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
             )
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return the progress, and the topics that are not published."""
+        """Return a diagnostic of the progress and, once the replay runs, one of the topics that are not published."""
         values: tuple[tuple[str, str], ...] = (("messages", str(self._published)), ("round", str(self._rounds)))
         if self._pace is None:
             message = "over; subscribers acknowledge the last messages" if self._over else "waiting for a listener"
@@ -369,7 +380,7 @@ def profile(recorded: str) -> QoSProfile:
     recorded: QoS profiles of the recorded publishers, as YAML in the recording. A publisher discards messages that
     exceed its depth, even if a subscriber has not acknowledged them, and a replay publishes faster than the sensor: the
     depth is therefore `LONG_QUEUE`. A latched topic gets the recorded depth (at least 10), because the depth determines
-    the messages that late subscribers receive.
+    the messages that late subscribers receive. If `recorded` cannot be read, the profile is that of a stream.
     """
     try:
         first = parse_qos(recorded)[0]
@@ -399,5 +410,5 @@ def _is_sensor(topic: str) -> bool:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the replay node."""
+    """Run the replay node; return the exit status of the process."""
     return run_node(ReplayNode, args)

@@ -142,7 +142,7 @@ class RigBridge:
             self._status_error = f"{error.filename}: {error.strerror}"
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the state of each interface."""
+        """Return a diagnostic for each interface, and one if the status file cannot be written."""
         found = []
         if self._status_error:
             found.append(

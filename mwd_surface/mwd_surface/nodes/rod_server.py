@@ -61,7 +61,11 @@ class RodServer:
             self._context.alarm_log.raise_alarm("rods.log", Severity.WARNING, text, _REMEDY)
 
     def begin(self) -> None:
-        """Set the bit depth after the last change of the tally, with the time of that change, if no depth is known."""
+        """
+        Set the bit depth after the last change of the tally, with the time of that change, if no depth is known.
+
+        Nothing is done if depth is not counted by rods. A depth that is refused raises an alarm.
+        """
         if self._settings.length_m is None or not self.tally.changes or self._surveys.depth.latest is not None:
             return
         last, log = self.tally.changes[-1], self._context.alarm_log

@@ -107,7 +107,14 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     # Lifecycle.
 
     def configure(self) -> None:
-        """Lock the folder, load the survey list, open topics, services, page and rig interfaces."""
+        """
+        Lock the folder, load the survey list, open topics, services, page and rig interfaces.
+
+        Raises
+        ------
+        RuntimeError
+            A part cannot be created: a file, folder or port cannot be used, or settings contradict each other.
+        """
         try:
             self._create_parts()
         except (RecorderError, StoreError, InterfaceError, FoxgloveError, OSError, ValueError) as error:
@@ -200,7 +207,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         return part
 
     def _on_recording_started(self) -> None:
-        """Write the latched messages and the slide sheet into a recording that begins: its playback needs them."""
+        """Write the latched messages and the slide sheet into a recording that begins, for the playback."""
         self._router.repeat_latched()
         self._recording.add_tables({SLIDES: stretch_table(self._well.slides.stretches())})
 
@@ -285,13 +292,13 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     # Messages and requests.
 
     def _acknowledge(self, request: Any, response: Any) -> Any:
-        """Acknowledge an alarm (service)."""
+        """Acknowledge an alarm; return the response (service)."""
         log = self._shared.alarm_log
         response.success, response.message = log.book.acknowledge(request.id, request.operator_name, log.now_ns())
         return response
 
     def _handle_request(self, name: str, arguments: dict[str, Any]) -> Answer | concurrent.futures.Future[Answer]:
-        """Carry out a request of page or rig in the thread of the node."""
+        """Carry out a request of page or rig in the node's thread; return success and a message, or their future."""
         if name == "count_rods":
             return self._rods.count(**arguments)
         if name == "use_leg":
@@ -389,7 +396,7 @@ def _decoded(topic: str, data: bytes) -> Any:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the surface node."""
+    """Run the surface node; return the exit status of the process."""
     return run_node(SurfaceNode, args)
 
 

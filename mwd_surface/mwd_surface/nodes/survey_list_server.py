@@ -158,11 +158,11 @@ class SurveyListServer(SurveyBook):
     # Services.
 
     def accept(self, request: Any, response: Any) -> Any:
-        """Accept a survey into the path by the operator's decision (service)."""
+        """Accept a survey into the path by the operator's decision; return the response (service)."""
         return self._judge(request, response, "accepted")
 
     def reject(self, request: Any, response: Any) -> Any:
-        """Reject a survey from the path by the operator's decision (service)."""
+        """Reject a survey from the path by the operator's decision; return the response (service)."""
         return self._judge(request, response, "rejected")
 
     def _judge(self, request: Any, response: Any, word: str) -> Any:
@@ -212,7 +212,7 @@ class SurveyListServer(SurveyBook):
         return response
 
     def set_depth(self, request: Any, response: Any) -> Any:
-        """Set the bit depth by hand (service)."""
+        """Set the bit depth by hand; return the response, with the reason if the depth is refused (service)."""
         response = self._set_depth(request, response)
         self._tell(msg.OperatorEvent.SET_DEPTH, request, response, depth=request.bit_depth)
         return response
@@ -252,7 +252,11 @@ class SurveyListServer(SurveyBook):
         return response
 
     def export(self, request: Any, response: Any) -> Any:
-        """Export the list in one of the formats (service); the response is sent after the file is written."""
+        """
+        Export the list in one of the formats (service).
+
+        Return a deferred response, which is sent after the file is written.
+        """
         table, folder = self._table(), self._folder / "exports"
 
         def write() -> Path:
@@ -345,14 +349,18 @@ class SurveyListServer(SurveyBook):
         self._worker.submit(lambda: _files(table(), report=True), made)
 
     def attachments(self) -> list[tuple[str, str, bytes]]:
-        """Return files for a recording: the surveys as CSV, and the report if it belongs to the current list."""
+        """
+        Return name, type and content of files for a recording; an empty list without surveys.
+
+        The files are the surveys as CSV, and the report if it belongs to the current list.
+        """
         if not self.surveys.records:
             return []
         # A list that has just changed has no report yet.
         return self._files if self._reported is self.surveys else _files(self._table()(), report=False)
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the state of the list."""
+        """Return a diagnostic with the number of surveys, or with the reason why the list is not saved."""
         text = self._save_error or f"{len(self.surveys.records)} surveys"
         return [Diagnostic("survey list", ERROR if self._save_error else OK, text)]
 

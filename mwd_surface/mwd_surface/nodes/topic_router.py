@@ -47,7 +47,7 @@ class TopicRouter:
     record : callable
         `record(topic, type, data, received_ns, qos=...)`, called for the messages of recorded topics.
     foxglove : FoxgloveBridge
-        Receives every message if it is enabled.
+        Bridge that receives every message if it is enabled.
     handlers : mapping
         Function that is called at once with each serialised message, by topic.
     well : LiveWell
@@ -192,7 +192,7 @@ class TopicRouter:
                     self._alarm_log.log_event("recorder", text, Severity.WARNING)
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return the diagnostic of the topics that are to be recorded and do not exist yet."""
+        """Return a diagnostic of the topics that are to be recorded and do not exist yet; none if all exist."""
         if not self._missing:
             return []
         message = f"not there yet: {', '.join(sorted(self._missing))}"

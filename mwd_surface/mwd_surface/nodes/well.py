@@ -13,7 +13,7 @@ from mwd_surface.nodes.surface import SurfaceNode
 
 def main(args: Sequence[str] | None = None) -> int:
     """
-    Run the three nodes until one of them is stopped; the sonde ends first.
+    Run the three nodes until one of them is stopped; return the exit status of the process.
 
     Messages between nodes of one process do not go through the network. Only one callback runs at a time, and a crash
     ends all three nodes; separate processes run on several cores and survive the crash of another.

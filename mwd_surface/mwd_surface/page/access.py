@@ -28,7 +28,7 @@ _REMEMBERED = 1000  # number of addresses that are remembered
 
 def read_token(file: str, environment: Mapping[str, str]) -> str:
     """
-    Read the secret of the operator controls: the first line of a file, else the variable MWD_PAGE_TOKEN, else "".
+    Return the secret of the operator controls: the first line of a file, else the variable MWD_PAGE_TOKEN, else "".
 
     Raises
     ------

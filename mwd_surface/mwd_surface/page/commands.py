@@ -67,7 +67,7 @@ def may_be_safe(command: str) -> bool:
 
 def checked_arguments(command: str, body: bytes) -> dict[str, Any]:
     """
-    Parse the arguments of a command from the body of a request.
+    Return the arguments of a command, by name, from the body of a request.
 
     Raises
     ------

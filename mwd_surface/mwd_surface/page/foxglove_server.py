@@ -98,7 +98,7 @@ class FoxgloveServer:
         Raises
         ------
         FoxgloveError
-            The package is missing, or the port is taken.
+            The package is missing, or the server cannot listen on its address.
         """
         try:
             self._sdk = importlib.import_module("foxglove")
@@ -144,7 +144,7 @@ class FoxgloveServer:
 
     def put(self, topic: str, type_name: str, data: bytes, log_ns: int, *, latched: bool = False) -> None:
         """
-        Send one serialised message; never waits.
+        Send one serialised message, without waiting; drop the message if the server is not running.
 
         Parameters
         ----------

@@ -18,7 +18,7 @@ _HELD = 40  # largest number of depth steps for which the value of a sector is h
 
 def log_table(curves: Sequence[Curve]) -> dict[str, Any]:
     """
-    Return the curves as tables.
+    Return the dict {"channels": tables}, with one table for each curve that has depth steps.
 
     rows: depth, m, value, sigma, time of measurement, s, and quality, bits of LogSample; sectors: values of each row,
     from the high side clockwise; held: result of `held_steps`; gaps: top and bottom of the deepest gaps, m; gap_count:

@@ -46,7 +46,11 @@ PAGE = Path(__file__).parent / "static"
 
 
 def page_files(folder: Path) -> dict[str, tuple[bytes, str]]:
-    """Return all files of the page by their address; no other files are served."""
+    """
+    Return content and media type of all files of the page, by address; no other files are served.
+
+    Raises FileNotFoundError if index.html is missing.
+    """
     found = {}
     for path in sorted(folder.rglob("*")):
         if path.is_file() and not any(part.startswith((".", "__")) for part in path.relative_to(folder).parts):
@@ -197,7 +201,7 @@ class PageServer:
         Raises
         ------
         OSError
-            The port is taken or not allowed; the message names it.
+            The port is taken or not allowed (the message names it), or the page does not start within 10 s.
         RuntimeError
             The page is already running.
         """
@@ -417,6 +421,9 @@ class PageServer:
 
         may_be_safe: whether to accept the right token from a locked-out address. An attacker may share the operator's
         address, so commands that only return control of the rig are not locked out.
+
+        Raises web.HTTPException: 403 without a configured token, 429 for a locked-out address, 401 for a missing or
+        wrong token.
         """
         if self._access is None:
             raise web.HTTPForbidden(text="this page is read-only: no token is configured")
@@ -475,7 +482,8 @@ def replay_handler(on_replay: OnReplay, timeout_s: float) -> Callable[[web.Reque
     """
     Return the handler of POST /replay; the JSON may have playing (true or false), rate (0.01 to 1000) and seek (s).
 
-    on_replay: called with the given fields in the thread of the server. timeout_s: longest wait for the body.
+    on_replay: called with the given fields in the thread of the server. timeout_s: longest wait for the body. The
+    answer to a request with other fields or values has the status 400.
     """
 
     async def handle(request: web.Request) -> web.StreamResponse:
@@ -533,7 +541,11 @@ def add_export_routes(router: web.UrlDispatcher, folder: Path, allowed: Allowed)
 
 
 def exported_files(folder: Path) -> list[dict[str, Any]]:
-    """Return name, size in bytes and time of change, s since the epoch, of the exported files, newest first."""
+    """
+    Return name, size in bytes and time of change, s since the epoch, of the newest `_MOST` exported files.
+
+    The newest file is first. The list is empty if the folder does not exist.
+    """
     if not folder.is_dir():
         return []
     found: list[dict[str, Any]] = [
@@ -587,7 +599,7 @@ class QuietPeer(asyncio.Protocol):
         self._inner.data_received(data)
 
     def eof_received(self) -> bool | None:
-        """Pass on that the peer sends no more data."""
+        """Pass on that the peer sends no more data; return whether the connection stays open for writing."""
         return bool(self._inner.eof_received())
 
     def connection_lost(self, error: Exception | None) -> None:

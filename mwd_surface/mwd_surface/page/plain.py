@@ -43,7 +43,7 @@ _WORDS: Mapping[type[enum.Enum], Mapping[Any, str]] = {
 
 
 def number(value: Any) -> float | None:
-    """Return a finite number rounded to ten digits, or None."""
+    """Return a number rounded to ten digits; None if it is None, NaN or infinite."""
     if value is None:
         return None
     value = float(value)
@@ -51,7 +51,7 @@ def number(value: Any) -> float | None:
 
 
 def numbers(values: Iterable[Any]) -> list[float | None]:
-    """Return each value as a finite number rounded to ten digits, or None."""
+    """Return each value rounded to ten digits; None for a value that is None, NaN or infinite."""
     return [number(v) for v in values]
 
 

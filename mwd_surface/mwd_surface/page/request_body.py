@@ -14,7 +14,7 @@ from mwd_sensors.core.input_files import load_json
 
 async def read_body(request: web.Request, timeout_s: float) -> bytes:
     """
-    Read the body of a request that sends JSON.
+    Return the body of a request that sends JSON.
 
     Raises
     ------
@@ -32,7 +32,7 @@ async def read_body(request: web.Request, timeout_s: float) -> bytes:
 
 def json_object(body: bytes) -> dict[str, Any]:
     """
-    Parse a body as a JSON object; an empty body gives an empty object.
+    Return a body parsed as a JSON object; an empty body gives an empty object.
 
     Raises
     ------

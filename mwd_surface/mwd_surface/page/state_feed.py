@@ -86,7 +86,11 @@ class StateFeed:
         self._texts: dict[str, tuple[int, str]] = {}
 
     async def send(self, client: Client) -> None:
-        """Send new states to a client at the allowed rate, or a heartbeat each second, until the client disconnects."""
+        """
+        Send new states to a client at the allowed rate, or a heartbeat each second, until the client disconnects.
+
+        A client that accepts or answers nothing for `send_timeout` is disconnected.
+        """
         period = self._period
         while not client.socket.closed:
             if not client.may_send.is_set():

@@ -185,7 +185,11 @@ def _per_second(speed_rpm: Any) -> Any:
 
 
 def _truth_beside(data: PlotData, panel: Panel) -> Panel | None:
-    """Return the truth panel for comparison with an attitude panel; None for an azimuth that is not from true north."""
+    """
+    Return the truth panel of the same angle and well, for comparison with an attitude panel.
+
+    Return None if there is no such panel, and for an azimuth that is not from true north.
+    """
     key = panel.trace.key
     if panel.trace.what != "attitude" or not key or (key == "azimuth" and panel.north != _NORTH_TRUE):
         return None

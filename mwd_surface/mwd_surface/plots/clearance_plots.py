@@ -27,7 +27,7 @@ _ELLIPSE_SIGMAS = 2.0  # semi-axes of the error ellipses, in sigmas
 
 def ladder(found: Sequence[Clearance]) -> Figure:
     """
-    Draw separation factor and centre-to-centre distance along the hole; dashed: smallest allowed distance.
+    Return a figure of separation factor and distance between centres along the hole; dashed: least allowed distance.
 
     found: clearances, the smallest separation factor first; at most twelve wells are drawn.
     """
@@ -53,7 +53,7 @@ def ladder(found: Sequence[Clearance]) -> Figure:
 
 def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None) -> Figure:
     """
-    Draw the other wells around the hole: direction from north (toolface + azimuth), distance from the centre.
+    Return a figure of the other wells around the hole: direction from north (toolface + azimuth), and distance.
 
     radius: largest distance drawn, m; by default chosen so that every well is shown where its separation factor is
     smallest. Numbers along the lines are measured depths of the drilled well.
@@ -89,7 +89,7 @@ def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None)
 
 def plan_view(near: WellClearance) -> Figure:
     """
-    Draw the well and its offset wells from above, zoomed to the last survey and the smallest separation factors.
+    Return a figure of the well and its offset wells from above, zoomed to last survey and least separation factors.
 
     A dot marks the last survey of the well; the hole ahead of it is dashed. Where the separation factor of an offset
     well is smallest, a line joins both wells, and each well has its error ellipse at 2 sigma.

@@ -20,10 +20,10 @@ _INC, _AZI, _CORRECTED, _NO_GO = SKY, BLUE, PURPLE, BAD
 
 def forecast_figure(found: Forecast, chart: tuple[Array, Array, Array] | None) -> Figure:
     """
-    Draw a forecast.
+    Return the figure of a forecast: sigmas and share of accepted stations along the plan, and a polar map.
 
-    chart: true azimuths, inclinations and sigmas of the corrected azimuth from `correction_map`; None if the tool code
-    has no such correction.
+    chart: true azimuths, inclinations and sigmas of the corrected azimuth from `correction_map`, for the map; None
+    if the tool code has no such correction, and then the figure has no map.
     """
     from matplotlib.figure import Figure
 

@@ -21,9 +21,10 @@ _BAND = 2.0  # half width of the bands, in sigmas
 
 def end_ellipses(ends: Sequence[tuple[Array, Array | None]], names: Sequence[str]) -> Figure:
     """
-    Draw the ends of paths in plan view.
+    Return a figure of the ends of two paths in plan view, with ellipses of 2 sigma.
 
-    ends: for each path, position of its end, shape (3,), m, and horizontal covariance, shape (2, 2), m^2, or None.
+    ends: for each path, position of its end, shape (3,), m, and horizontal covariance, shape (2, 2), m^2; None: no
+    ellipse.
     names: names of the paths.
     """
     from matplotlib.figure import Figure
@@ -49,7 +50,9 @@ def end_ellipses(ends: Sequence[tuple[Array, Array | None]], names: Sequence[str
 
 def figure_of(found: PathDifference, first: str, second: str) -> Figure:
     """
-    Draw the differences of inclination, azimuth and position against measured depth, with bands of 2 sigma.
+    Return a figure of the differences of inclination, azimuth and position against measured depth.
+
+    The azimuth difference is times sin(inclination). The position has bands of 2 sigma where the sigma is known.
 
     first, second : names of the two lists.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Data for a plot of a bag, collected in one pass in constant memory; only an Allan plot needs a second pass."""
+"""Data for a plot of a bag, collected in constant memory while the bag is read once; an Allan plot reads it twice."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _SEGMENT_S = 10.0  # longest segment of a spectrum, s
 
 @dataclasses.dataclass
 class Panel:
-    """One panel over time: its trace, topic and signal."""
+    """One panel over time: definition, topic, samples in time bins, and north of the azimuths (see `NORTHS`)."""
 
     trace: Trace
     topic: str
@@ -62,7 +62,11 @@ class SpectrumOf:
 
 @dataclasses.dataclass
 class AllanOf:
-    """Allan deviation of one vector of one topic over its longest still interval."""
+    """
+    Allan deviation of one vector of one topic over its longest still interval.
+
+    start_s: begin of the interval after the start of the plot, s; seconds: length of the interval, s.
+    """
 
     topic: str
     quantity: str
@@ -112,7 +116,7 @@ def gather(
     progress: Callable[[float], None] = lambda _share: None,
 ) -> PlotData:
     """
-    Read the data for a plot from a bag.
+    Return the data for a plot, read from a bag.
 
     Parameters
     ----------
@@ -347,7 +351,7 @@ class _StillPen(_Pen):
         self._stamps, self._held = self._stamps[whole * window :], self._held[whole * window :]
 
     def _longest(self) -> tuple[int, int]:
-        """Return first and last stamp of the longest still interval; (0, 0) if there is none."""
+        """Return first and last stamp of the longest still interval, ns; (0, 0) if there is none."""
         if not self._edges:
             return 0, 0
         edges, moved = np.array(self._edges), np.array(self._moved)
@@ -449,7 +453,7 @@ class Spectrum:
 
     @property
     def waterfall(self) -> Array:
-        """Power spectral density in each time bin, shape (bins, frequencies, columns); nan in an empty bin."""
+        """Density as in `density`, but in each time bin, shape (bins, frequencies, columns); NaN in an empty bin."""
         count = np.where(self._count > 0, self._count, np.nan)
         return np.asarray(self._sum / count[:, None, None])
 

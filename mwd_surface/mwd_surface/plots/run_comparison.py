@@ -49,7 +49,7 @@ def thinned(attitude: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
 
 
 def picture(ours: ComparedRun, expected: ComparedRun) -> Figure:
-    """Draw inclination and azimuth of two runs with their surveys, and the differences."""
+    """Return a figure of inclination and azimuth of two runs with their surveys, and of the differences."""
     from matplotlib.figure import Figure
 
     runs = [(run.name, thinned(run.attitude), run.surveys) for run in (ours, expected)]
@@ -89,8 +89,8 @@ def differences(ours: dict[str, Array], expected: dict[str, Array]) -> dict[str,
     """
     Return the differences of two runs from `thinned`, at the stamps of `ours`, with `expected` interpolated.
 
-    The result has stamp_ns, ns, and the difference of each angle, deg, shape (n,); azimuth differences are within half
-    a turn.
+    The result has stamp_ns, ns, and the difference of each angle, deg, from -180 to 180, shape (n,); NaN if `expected`
+    has no rows.
     """
     stamps = ours["stamp_ns"]
     found: dict[str, Array] = {"stamp_ns": stamps}

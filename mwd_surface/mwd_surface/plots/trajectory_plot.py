@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def trajectory_plot(found: DenseTrajectory) -> Figure:
-    """Draw the inclination, with the stations marked, and the difference of position from minimum curvature."""
+    """Return a figure of the inclination, stations marked, and of the position minus that by minimum curvature."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.0, 8.0), layout="constrained")

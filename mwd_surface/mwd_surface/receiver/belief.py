@@ -98,7 +98,7 @@ class Doubt:
 
     def learn(self, words: list[Soft]) -> list[float]:
         """
-        Add decoded words; return, for each word, the probability that the table is right there and that the pulses fit.
+        Add decoded words; return the probability of each that the table is right at this word and that its pulses fit.
 
         Later words count for earlier ones, too: a word between words whose pulses do not fit is not trusted.
         """
@@ -121,7 +121,7 @@ class Doubt:
 
 def second_tool(size: float, sigma: float, words: list[Soft]) -> float:
     """
-    Return the probability that a second tool sends at the same time.
+    Return the probability that a second tool sends at the same time; 0 if `sigma` is not finite.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def second_tool(size: float, sigma: float, words: list[Soft]) -> float:
 
 
 def _probability(odds: float) -> float:
-    """Return the probability with these logarithmic odds."""
+    """Return the probability for natural logarithmic odds, which are clipped to +-500."""
     return 1.0 / (1.0 + math.exp(-min(max(odds, -500.0), 500.0)))
 
 

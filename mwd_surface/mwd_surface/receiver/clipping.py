@@ -87,7 +87,12 @@ class Declipper:
         return self._released(True)
 
     def _released(self, finished: bool) -> tuple[Array, Array]:
-        """Return the final samples: those before a clipped sample, and whole blocks from a clipped sample on."""
+        """
+        Return and remove the times and samples that are final.
+
+        Final are the samples before a clipped one, and a block from a clipped sample on if the samples after the block
+        suffice; all samples if `finished`.
+        """
         time, value, sides = self._open
         count, done = len(time), value.copy() if sides.any() else value
         gaps = np.append(np.flatnonzero(np.diff(time, prepend=self._last_s) > _GAP * self._spacing), count)
@@ -117,7 +122,7 @@ class Declipper:
 @compiled
 def _mark(value: Array, levels: Array, kept: float, sides: Array) -> None:
     """
-    Fill the side of each sample: 1 at the upper limit, -1 at the lower, else 0.
+    Count each sample in `levels` and fill its side: 1 at the upper limit, -1 at the lower, else 0.
 
     levels: as in `Declipper`; kept: share of the counts that is kept from sample to sample.
     """
@@ -137,7 +142,11 @@ def _mark(value: Array, levels: Array, kept: float, sides: Array) -> None:
 
 @compiled
 def _count(x: float, rows: Array) -> None:
-    """Count a sample in a table of extreme values; a new extreme value replaces the value with the fewest samples."""
+    """
+    Count a sample in the extreme values of one side: at the value that it equals, and beyond the values it exceeds.
+
+    A new value beyond the innermost extreme value replaces the value with the fewest samples.
+    """
     fewest, known = 0, False
     for j in range(len(rows)):
         if x > rows[j, 0]:
@@ -160,7 +169,10 @@ def _count(x: float, rows: Array) -> None:
 
 def unclipped(value: Array, sides: Array, order: int) -> Array:
     """
-    Return samples in which the clipped ones have their most probable values.
+    Return samples in which the clipped ones have their most probable values, shape (n,).
+
+    The samples are returned unchanged if fewer than 4 `order` of them are not clipped, or if the model cannot be
+    estimated.
 
     Parameters
     ----------

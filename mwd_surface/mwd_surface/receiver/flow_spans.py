@@ -48,7 +48,7 @@ class FlowSpans:
         self._gaps: list[NoFlowSpan] = []
 
     def push(self, time_s: Array, pressure_pa: Array) -> None:
-        """Add samples, shape (n,): rising times, s, and Pa; samples beyond any gauge are ignored."""
+        """Add samples, shape (n,): rising times, s, and Pa; values that no gauge can measure are ignored."""
         time, pressure = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)
         finite = np.isfinite(time) & (np.abs(pressure) < LARGEST)
         time, pressure = time[finite], pressure[finite]
@@ -83,7 +83,11 @@ class FlowSpans:
         return last is None or at_s >= last.end_s
 
     def rested(self, from_s: float, until_s: float) -> bool:
-        """Return whether there was time at rest for a survey, or a data gap that may hide it, between two times, s."""
+        """
+        Return whether a time without flow, or a data gap that may hide one, lies between two times, s.
+
+        Only a time without flow or a gap counts that is long enough for a survey.
+        """
         return any(
             from_s <= span.start_s and span.end_s <= until_s and span.end_s - span.start_s >= SURVEY_S
             for span in (*self.spans, *self._gaps)
@@ -94,7 +98,11 @@ class FlowSpans:
         return max((span.end_s for span in (*self.spans, *self._gaps) if span.end_s <= time_s), default=-math.inf)
 
     def before(self, time_s: float) -> NoFlowSpan | None:
-        """Return the last span without flow before a time, s; None if there is none or a data gap may hide one."""
+        """
+        Return the last span without flow that ended before a time, s.
+
+        Return None if there is no such span, or if a data gap may hide a later one.
+        """
         last = next((span for span in reversed(self.spans) if span.end_s <= time_s), None)
         gap = next((gap for gap in reversed(self._gaps) if gap.end_s <= time_s), None)
         return None if last is None or (gap is not None and gap.end_s > last.start_s) else last

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Even grid of pressure values that grows at its end and drops its oldest values."""
+"""Even grid of pressure that grows at its end and drops its oldest values, and crank angles from pump strokes."""
 
 from __future__ import annotations
 
@@ -43,7 +43,11 @@ class Grid:
         return self.first + len(self._values)
 
     def append(self, values: Array, known: Array) -> None:
-        """Append values; a gap is filled with the last known value. A gauge that is frozen counts as a gap."""
+        """
+        Append values, shape (n,); known: 1 where a value was measured, 0 in a gap.
+
+        A gap is filled with the last known value. Values of a frozen gauge count as a gap.
+        """
         filled, known = values.copy(), known.copy()
         last = self._values[-1] if len(self._values) else (values[known > 0.0][0] if np.any(known > 0.0) else 0.0)
         for k in range(len(filled)):
@@ -115,7 +119,7 @@ _BY_CHANCE = 0.05
 
 
 class Strokes:
-    """Stroke times of several pumps; strokes can be added."""
+    """Stroke times of several pumps, from which rates, harmonics and crank angles follow."""
 
     def __init__(self) -> None:
         self._times: dict[int, Array] = {}
@@ -136,12 +140,12 @@ class Strokes:
         self._times[pump] = np.union1d(self._times.get(pump, np.zeros(0)), time[np.isfinite(time)])
 
     def forget(self, before_s: float) -> None:
-        """Drop strokes before a time, s."""
+        """Drop the strokes before a time, s, except the last of each pump."""
         for pump, time in self._times.items():
             self._times[pump] = time[max(int(np.searchsorted(time, before_s)) - 1, 0) :]
 
     def rates(self, from_s: float, until_s: float) -> dict[int, float]:
-        """Return the strokes per second of each pump between two times, s; pumps that stand are left out."""
+        """Return the strokes per second of each pump between two times, s; pumps with few strokes are left out."""
         rows = {}
         for pump in sorted(self._times):
             time = self._times[pump]
@@ -179,7 +183,8 @@ class Strokes:
         Returns
         -------
         ndarray, shape (pumps, n)
-            Crank angles, rad, one turn per stroke; NaN where a pump stands or is unknown.
+            Crank angles, rad, one turn per stroke, for the pumps with at least `_LEAST` strokes between the first and
+            the last time; NaN where such a pump stands or its strokes are missing.
         """
         rows = []
         for pump in sorted(self._times):

@@ -42,9 +42,9 @@ def read(path: Path, encoding: str) -> tuple[dict[str, list[str]], int]:
     Raises
     ------
     ValueError
-        The file has no samples, or more than the budget allows.
+        The file has no samples, or more than `budgets.PRESSURE_JSON` allows (BudgetError).
     OSError
-        The file cannot be read, or is larger than the budget.
+        The file cannot be read.
     """
     columns: dict[str, list[str]] = {}
     count = unreadable = 0
@@ -97,7 +97,11 @@ def _values(path: Path, encoding: str) -> Iterator[Any]:
 
 
 def _loaded(line: str) -> Any:
-    """Return the JSON value of a line, which may be an item of a list over several lines; None if it is not JSON."""
+    """
+    Return the JSON object or list in a line, which may be an item of a list over several lines.
+
+    Return None if the line has no JSON object or list.
+    """
     text = line.strip(" \t\r\n\x1e\ufeff,\x00")
     for one in (text, text.lstrip("[").strip(), text.rstrip("]").strip()):
         try:
@@ -142,7 +146,11 @@ def _side_by_side(lists: dict[str, list[Any]]) -> Iterator[dict[str, str]]:
 
 
 def _flat(value: dict[str, Any], above: str) -> Iterator[tuple[str, str]]:
-    """Yield name and cell of each quantity of an object and of the objects inside it, with dots between the names."""
+    """
+    Yield name and cell of each quantity of an object and of the objects inside it, with dots between the names.
+
+    Lists are left out, and so are the names of objects that only hold the quantities (`_HOLDERS`).
+    """
     for name, one in value.items():
         whole = name if not above else f"{above}.{name}"
         if isinstance(one, dict):
@@ -152,7 +160,7 @@ def _flat(value: dict[str, Any], above: str) -> Iterator[tuple[str, str]]:
 
 
 def _cell(value: Any) -> str:
-    """Return a value as the text of a cell; empty if it is unknown."""
+    """Return a value as the text of a cell; empty for null and for a number that is not finite."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return ""
     return value if isinstance(value, str) else str(value)

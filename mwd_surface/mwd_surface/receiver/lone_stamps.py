@@ -61,7 +61,8 @@ class SteadyTimes:
         Returns
         -------
         time_s, value : ndarray, shape (m,)
-            A sample whose time jumps is returned after the next sample has confirmed the jump. After a jump back, or
+            A sample whose time jumps is returned after the next sample has confirmed the jump; a sample whose time is
+            not finite is dropped. After a jump back, or
             forward by more than `LONGEST_GAP_S`, the times continue from the last time before the jump.
         """
         time, rows = np.asarray(time_s, dtype=float), np.asarray(value, dtype=float)
@@ -75,7 +76,7 @@ class SteadyTimes:
         return found[:, 0], found[:, 1]
 
     def _take(self, at: float, value: float) -> list[tuple[float, float]]:
-        """Add a sample; return the times and values of the samples whose times are now confirmed."""
+        """Add a sample, unless its time is not finite; return times and values of the samples now confirmed."""
         if not np.isfinite(at):
             return []
         out, before = [], self._unconfirmed

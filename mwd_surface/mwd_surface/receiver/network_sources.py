@@ -52,7 +52,7 @@ class _Bytes(Protocol):
         ...
 
     def close(self) -> None:
-        """Release the device."""
+        """Stop reading, and close the stream if this object opened it."""
         ...
 
 
@@ -79,7 +79,7 @@ class Pipe:
 
 class TcpClient:
     """
-    Bytes of a TCP connection, which is opened again when it is lost.
+    Bytes of a TCP connection; a lost connection is opened again.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ class _Arrivals:
         self._clock, self._last = clock, clock()
 
     def times(self, count: int) -> Array:
-        """Return times of samples that arrived since the last call, s."""
+        """Return times, s, of `count` samples that arrived since the last call, shape (count,)."""
         now, last = self._clock(), self._last
         if count == 0:
             return np.zeros(0)
@@ -200,7 +200,11 @@ class LineSource(_OfStream):
         self._wrong, self._without, self._heard = "", 0, False
 
     def read(self) -> tuple[Array, Array]:
-        """Return times, s, and pressures, Pa, since the last call; a line without a pressure is left out."""
+        """
+        Return times, s, and pressures, Pa, since the last call; shape (n,) each.
+
+        A line without a pressure is left out. The arrays are empty until the first lines have shown the format.
+        """
         lines = self._lines()
         if self._format is None:
             self._head = [*self._head, *lines][-_LONGEST_HEAD:]
@@ -424,7 +428,7 @@ class OpcUaSource:
         self.ended = True
 
     def datachange_notification(self, _node: Any, value: Any, data: Any) -> None:
-        """Keep one value that the server reports."""
+        """Store one value from the server with its time; a value that is not a finite number becomes the failure."""
         stamp = data.monitored_item.Value.SourceTimestamp
         at = time.time() if stamp is None else stamp.timestamp()
         if isinstance(value, (int, float)) and math.isfinite(value):
@@ -473,7 +477,7 @@ def _numbers(cells: list[str], mark: str, unit: str) -> Array:
 
 
 def _number(cell: str, mark: str, unit: str) -> float:
-    """Return the number of a cell, which may be followed by the unit; NaN if the cell has no number."""
+    """Return the number of a cell, with or without `unit`; NaN without a number, with another unit, or for a null."""
     found = None if is_null(cell) else split(cell)
     if found is None or found[1].lower().rstrip(".") not in ("", unit):
         return math.nan
@@ -485,7 +489,11 @@ def _number(cell: str, mark: str, unit: str) -> float:
 
 
 def _named(columns: Mapping[str, str], what: str, usual: str) -> tuple[str, str]:
-    """Return the name and unit of the pressure that the caller gives; ValueError if the unit is unknown."""
+    """
+    Return the name of the pressure that the caller gives in `columns`, else `usual`, and its unit.
+
+    what: noun for the message, such as "a WITS item". Raises ValueError if the unit is missing or unknown.
+    """
     key, name = next(((key, name) for key, name in columns.items() if key.startswith("pressure")), ("", usual))
     unit = key.partition("_")[2]
     if unit not in pressure_table.PRESSURES:

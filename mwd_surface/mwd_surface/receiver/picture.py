@@ -40,7 +40,7 @@ def figure_of(
     quantity: PictureQuantity = PRESSURE,
 ) -> Figure:
     """
-    Draw a decoded recording.
+    Return the figure of a decoded recording.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def figure_of(
 
 
 def _pressure(ax: Axes, time_s: Array, pressure_pa: Array, quantity: PictureQuantity) -> None:
-    """Draw the lowest and highest value of each column of pixels, so that no pulse is lost."""
+    """Draw the lowest and highest value of each short block of samples, so that no pulse is lost."""
     pieces = max(len(time_s) // _MOST_POINTS, 1)
     count = len(time_s) // pieces * pieces
     blocks = pressure_pa[:count].reshape(-1, pieces) / quantity.size

@@ -55,7 +55,7 @@ class PressureFile:
 
 def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse", columns: str = "") -> PressureFile:
     """
-    Read pressure from a file.
+    Return the pressure in a file; in V in place of Pa for a link through the ground.
 
     Parameters
     ----------
@@ -119,8 +119,8 @@ def _check_times(path: Path, time: Array) -> None:
     Raises
     ------
     ValueError
-        A step is longer than any pause, the usual step is too long for telemetry, or the total is longer than the
-        budget or consists mostly of gaps.
+        A step is longer than any pause, the usual step is too long for telemetry, the duration is longer than
+        `budgets.PRESSURE` allows, or more than a day and most of the duration is gaps.
     """
     steps = np.diff(time)
     longest = float(steps.max())
@@ -166,7 +166,9 @@ def read_strokes(path: Path) -> dict[int, Array]:
 
 def read_bytes(path: Path, baud: int) -> PressureFile:
     """
-    Read the bytes of a serial line from a recording or a raw capture; the times of a capture assume no pauses.
+    Return the bytes of a serial line, 0 to 255 in place of the pressure, from a recording or a raw capture.
+
+    The times of a capture assume that the bytes followed each other without pauses, at `baud` bits per second.
 
     Raises
     ------
@@ -259,7 +261,11 @@ def _clipped(values: Array) -> list[str]:
 
 
 def _frozen(time: Array, values: Array) -> list[str]:
-    """Return a note on a gauge that holds its value for longer than noise, rounding and clipping explain."""
+    """
+    Return a note on a gauge that holds its value for longer than noise, rounding and clipping explain.
+
+    The list is empty if the gauge does not.
+    """
     changes = np.flatnonzero(np.diff(values) != 0.0) + 1
     if not changes.size:
         return []

@@ -110,7 +110,7 @@ def columns_of(text: str) -> dict[str, str]:
     Raises
     ------
     ValueError
-        A part without "=", or a quantity that does not exist.
+        A part has no "=", its quantity does not exist, or its decimal mark is not comma or point.
     """
     pairs = {}
     for part in filter(None, text.split(",")):
@@ -147,7 +147,8 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
     Raises
     ------
     ValueError
-        There is no column of time or pressure, or the unit of one is unknown.
+        There is no column of time or pressure, its unit is unknown, its decimal mark is ambiguous, or its cells are
+        not times; or the rate that the caller states is not a number from 0 to 1 MHz.
     OSError
         The file cannot be read.
     """
@@ -187,12 +188,12 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
 
 def read_numbers(path: Path, columns: Mapping[str, str]) -> tuple[Array, Array]:
     """
-    Return pump numbers and times, s, of a table of strokes.
+    Return pump numbers and times, s, of a table of strokes; NaN for a cell without a number.
 
     Raises
     ------
     ValueError
-        A column is missing, or a pump is not a number.
+        A column is missing, or the cells are not times.
     OSError
         The file cannot be read.
     """
@@ -229,7 +230,7 @@ def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumn
     Raises
     ------
     ValueError
-        A unit is not known.
+        A unit is not known, or the number of a column is 0.
     """
     places: dict[str, tuple[int, str]] = {}
     words = [_words(name, "") for name in names]
@@ -407,7 +408,7 @@ class _TableFile:
         raise ValueError(f"--columns {name}: {self.path} has no such column; it has {', '.join(self._table.names)}")
 
     def missing(self, quantity: str, what: str) -> str:
-        """Return the message for a missing column, with the way to name it."""
+        """Return the message for a missing column, with the options that name it."""
         if self.headless:
             return f"{self.path}: no line names the columns; say which are which with --columns time_s=1,pressure_bar=2"
         return (
@@ -420,7 +421,8 @@ class _TableFile:
         Return the columns of the time: [time], or [date, time] if the date is a separate column.
 
         Return an empty list if the caller states a rate. If several time columns have the same name, or are named
-        after a quantity ("pressure time"), the last one before the column `value` is used.
+        after a quantity ("pressure time"), the last one before the column `value` is used. Raises ValueError if there
+        is no column of time.
         """
         if any(key.startswith("rate") for key in self._said):
             return []
@@ -440,7 +442,7 @@ class _TableFile:
         return [*dates[:1], clock] if re.fullmatch(form, self._first(clock).strip()) else [clock]
 
     def counted(self, count: int) -> Array:
-        """Return the times, s, of `count` rows at the rate that the caller states."""
+        """Return the times, s, of `count` rows at the rate that the caller states; ValueError if it is not usable."""
         text = next(value for key, value in self._said.items() if key.startswith("rate"))
         try:
             rate = float(text)
@@ -463,7 +465,7 @@ class _TableFile:
         return units.pop() if len(units) == 1 else ""
 
     def cells(self, wanted: Sequence[_Column]) -> list[Any]:
-        """Return the cells of columns as Arrow arrays of numbers or text."""
+        """Return the cells of columns as Arrow arrays of numbers or text; if a tag was selected, only its rows."""
         cells = self._all_cells(wanted)
         return cells if self._kept is None else [one.filter(self._kept) for one in cells]
 
@@ -486,7 +488,11 @@ class _TableFile:
         return len(cells[column.number].strip(' "')) < min(usual, default=0)
 
     def _all_cells(self, wanted: Sequence[_Column]) -> list[Any]:
-        """Return the cells of columns, as `cells`, in all rows, even if only the rows of one tag are selected."""
+        """
+        Return the cells of columns, as `cells`, in all rows, even if only the rows of one tag are selected.
+
+        Raises ValueError if the file cannot be read as a table.
+        """
         import pyarrow as pa
 
         numbers = [one.number for one in wanted]
@@ -514,7 +520,11 @@ class _TableFile:
         return all(re.match(_NUMBER, str(cell)) for cell in self._cells_of(number)[:50])
 
     def _read(self, types: Sequence[Any], wanted: list[str], names: list[str]) -> list[Any]:
-        """Return the columns with these names and types; pyarrow.ArrowInvalid if a cell is not of its type."""
+        """
+        Return the columns with these names and types; `skipped` becomes the number of lines that are not rows.
+
+        Raises pyarrow.ArrowInvalid if a cell is not of its type, ValueError if there are too many rows.
+        """
         from pyarrow import csv
 
         skipped: list[int] = []
@@ -545,7 +555,11 @@ class _TableFile:
         return [table.column(name) for name in wanted]
 
     def _split(self, numbers: Sequence[int]) -> list[list[str]]:
-        """Return the cells of columns separated by spaces; of a LAS file, those of the section ~A."""
+        """
+        Return the cells of columns separated by spaces; of a LAS file, those of the section ~A.
+
+        Comments, and lines with too few cells, are left out.
+        """
         columns: list[list[str]] = [[] for _ in numbers]
         first = 0 if self.headless or self._las else _line(self._table)
         inside = not self._las
@@ -606,7 +620,7 @@ class _TableFile:
         return values, notes
 
     def _mark(self, text: Any, column: _Column) -> str:
-        """Return the decimal mark of a column of text; see `mark_of`."""
+        """Return the decimal mark of a column of text, as `mark_of`; ValueError if the mark is ambiguous."""
         every = max(1, len(text) // 5000)
         others = (cell for row in self._table.rows[:200] for cell in row.cells)
         try:
@@ -718,7 +732,7 @@ def in_pascal(values: Array, unit: str) -> tuple[Array, list[str]]:
 
 
 def _line(table: Table) -> int:
-    """Return the number of lines above the first row."""
+    """Return the number of lines of the file above the first row of its table; 0 if unknown."""
     found = re.search(r"line (\d+)$", table.rows[0].at if table.rows else table.at)
     return int(found[1]) - 1 if found else 0
 

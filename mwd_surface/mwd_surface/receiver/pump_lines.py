@@ -186,7 +186,11 @@ def pump_noise(
 
 
 def lines(noise: Array, known: Array, memory: float, angles: Array) -> Array:
-    """Return the sum of the harmonics of counted strokes and of the lines that are left; arguments of `pump_noise`."""
+    """
+    Return the sum, Pa, of the harmonics of counted strokes and of the lines found in the remaining noise, shape (n,).
+
+    angles, shape (pumps, n): may have no rows; other arguments as in `pump_noise`.
+    """
     out = np.zeros(len(noise))
     rest = noise - np.mean(noise)
     for angle in angles:
@@ -199,7 +203,11 @@ def lines(noise: Array, known: Array, memory: float, angles: Array) -> Array:
 
 
 def _subtract_strokes(rest: Array, known: Array, angle: Array, memory: float, out: Array) -> None:
-    """Subtract the harmonics of one pump, up to a share of the highest frequency in the samples."""
+    """
+    Subtract the harmonics of one pump from `rest` and add them to `out`, both shape (n,), in place.
+
+    angle: crank angle, rad. The harmonics reach up to a share of the highest frequency in the samples.
+    """
     steps = np.diff(angle)
     if np.any(np.isfinite(steps)):
         highest = int(_HIGHEST * math.pi / max(float(np.nanmedian(steps)), 1e-9))

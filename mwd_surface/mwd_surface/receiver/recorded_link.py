@@ -29,9 +29,10 @@ class RecordedLink(NamedTuple):
 
 def read(path: Path, link: str, topic: str = "") -> RecordedLink:
     """
-    Read the recorded samples of a link.
+    Return the recorded samples of a link.
 
-    Time 0 is the first sample, as it was for the live receiver.
+    Time 0 is the first sample, as it was for the live receiver; for FluidPressure it is the whole second in which the
+    recording begins. A recording without samples gives empty arrays.
 
     Parameters
     ----------
@@ -77,7 +78,11 @@ def topics_of(bag: Bag) -> list[str]:
 
 
 def _strokes(bag: Bag, pressure_topic: str, origin: int) -> dict[int, Array]:
-    """Return the stroke times of each pump, s after `origin`, ns, from the topic next to a pressure topic."""
+    """
+    Return the stroke times of each pump, s after `origin`, ns, from the topic `strokes` next to a pressure topic.
+
+    The dict is empty if there is no such topic.
+    """
     name = pressure_topic.rpartition("/")[0] + "/strokes"
     if name not in bag.topics or bag.topics[name].type_name != gauge_burst.STROKES:
         return {}

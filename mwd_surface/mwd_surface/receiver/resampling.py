@@ -48,7 +48,11 @@ def _kernel(u: float) -> float:
 
 @compiled
 def _average(time: Array, value: Array, at: Array, step: float, gap: float, out: Array, known: Array) -> None:
-    """Fill the values of the grid at times `at`; known is 0 where a gap leaves less than half of the kernel."""
+    """
+    Fill the values of the grid at times `at`, s, and 1 where a value is known.
+
+    Both are 0 where samples cover less than half of the kernel, or where the nearest sample is farther than `gap`, s.
+    """
     first = 0
     half = _HALF_STEPS * step
     for k in range(len(at)):
@@ -114,7 +118,7 @@ class Resampler:
         Returns
         -------
         ndarray, shape (m,)
-            Values of the grid; a gap is filled with the last value before it.
+            Values of the grid; 0 in a gap.
         ndarray, shape (m,)
             1 where a value is known, 0 in a gap.
         """
@@ -124,7 +128,7 @@ class Resampler:
         return self._until(self._time[-2] - _HALF_STEPS * self._step)
 
     def finish(self) -> tuple[Array, Array]:
-        """Return the samples of the grid that `push` has not returned, up to the last input sample."""
+        """Return the values of the grid that `push` has not returned, up to the end of the samples, as `push` does."""
         if self._spacing == 0.0 and self._early.shape[1] > 2:
             self._begin()
         if self._declipper is not None:
@@ -180,7 +184,7 @@ class Resampler:
 
     @property
     def _ready(self) -> int:
-        """Index of the first sample not yet passed on; the very first samples have no neighbours and pass unchanged."""
+        """Index of the first sample not yet resampled; the very first ones have no neighbours and are not despiked."""
         return 0 if len(self._time) == 0 and self._bin_sum[2] == 0.0 else _AROUND
 
     def _add(self, time: Array, value: Array) -> None:

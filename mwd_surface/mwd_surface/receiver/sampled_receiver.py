@@ -59,7 +59,11 @@ class SampledReceiver(abc.ABC):
         self._grid.strokes.add(pump, time_s)
 
     def _take(self, values: Array, known: Array) -> Reception:
-        """Add values of the grid; known, shape (n,): 0 in a gap."""
+        """
+        Add values of the grid; return the words and frames that they complete. known, shape (n,): 0 in a gap.
+
+        Raises ValueError at the first values if the samples are too far apart.
+        """
         done = Reception()
         if len(values) == 0:
             return done

@@ -144,7 +144,7 @@ class SondeFix:
 
 def locate(readings: SurfaceReadings, known: SondeFacts, errors: ReadingErrors = ReadingErrors()) -> SondeFix:  # noqa: B008
     """
-    Locate a sonde from readings of its field at the surface.
+    Return the place, direction and moment of a sonde from readings of its field at the surface.
 
     The sonde is assumed to be below all points of the receiver.
 
@@ -175,7 +175,7 @@ def locate(readings: SurfaceReadings, known: SondeFacts, errors: ReadingErrors =
 
 def locate_points(depth_m: float, pitch: float) -> tuple[float, float]:
     """
-    Return where the field on a level surface is vertical: behind and ahead of the point above the sonde, m.
+    Return the two places on a level surface where the field is vertical, as distances from the point above the sonde.
 
     Parameters
     ----------
@@ -183,6 +183,11 @@ def locate_points(depth_m: float, pitch: float) -> tuple[float, float]:
         Depth below the surface.
     pitch : float
         Angle of the tool axis above the horizontal, rad, below pi/2.
+
+    Returns
+    -------
+    (float, float)
+        Distances along the tool's azimuth, m: behind the point (negative), and ahead of it.
     """
     c, s = math.cos(pitch), math.sin(pitch)
     root = math.sqrt(9.0 * s * s + 8.0 * c * c)
@@ -223,7 +228,11 @@ class _Model:
             )
 
     def starts(self) -> list[Array]:
-        """Return first guesses of the unknowns, shape (6,) each: below the strongest points, in all directions."""
+        """
+        Return first guesses of the unknowns, shape (6,) each: below the strongest points, at several depths.
+
+        The guesses have azimuths all around, or near the known azimuth.
+        """
         weight = self._size / self._size.sum()
         centre = weight @ self._point[:, :2]
         # At a given distance the strength is largest on the axis and smallest beside the coil; use the mean of both.

@@ -295,7 +295,11 @@ class SerialBytes:
         self.failure, self.ended = "", False
 
     def read(self) -> tuple[Array, Array]:
-        """Return the time of arrival, s, of each byte since the last call, and its value, 0 to 255."""
+        """
+        Return the time of arrival, s, and the value, 0 to 255, of each byte since the last call; shape (n,) each.
+
+        The arrays are empty while the line cannot be opened.
+        """
         now = self._clock()
         if self.ended or (self._line is None and not self._opened(now)):
             return _EMPTY, _EMPTY

@@ -35,7 +35,7 @@ class SentAttitude:
 
 def read(path: Path) -> SurfaceReadings:
     """
-    Read a table of readings.
+    Return the readings in a table.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def read(path: Path) -> SurfaceReadings:
 
 
 def _numbers(path: Path, columns: Mapping[str, list[str]], name: str) -> Array:
-    """Return a column as numbers; an empty cell is NaN."""
+    """Return a column as numbers, NaN for an empty cell; ValueError for a cell with a text."""
     found = []
     for row, cell in enumerate(columns[name]):
         try:
@@ -78,12 +78,12 @@ def _numbers(path: Path, columns: Mapping[str, list[str]], name: str) -> Array:
 
 def sent_attitude(path: Path) -> SentAttitude:
     """
-    Return the last inclination and toolface in a table of words, as `mwd decode` writes it.
+    Return the last usable inclination, as pitch, and toolface in a table of words that `mwd decode` wrote.
 
     Raises
     ------
     ValueError
-        The table has no inclination with a value.
+        The table has no usable inclination; a toolface may be missing.
     """
     rows = list(csv.DictReader(read_text(path, budgets.LIST).splitlines()))
     pitch = roll = math.nan

@@ -78,6 +78,8 @@ def of_numbers(numbers: Array, unit: str) -> Array:
     """
     Return times as seconds; unit: unit of the column, "" if unknown.
 
+    Without a unit the numbers may also be clocks HHMMSS.ff; they continue after midnight.
+
     Raises
     ------
     UnknownUnitError
@@ -179,7 +181,11 @@ def of_text(text: Any) -> Array:
 
 
 def _moments(text: Any) -> tuple[Array, list[Array]]:
-    """Return the seconds of the day of an Arrow array of text, and its days since 1970 in each order of the parts."""
+    """
+    Return the seconds of the day of an Arrow array of text, and its days since 1970 in each order of day, month, year.
+
+    Each array has the shape (n,), with NaN where a cell has no clock or no possible date.
+    """
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -230,7 +236,11 @@ def _moments(text: Any) -> tuple[Array, list[Array]]:
 
 
 def _order(ways: list[Array]) -> tuple[int | None, bool]:
-    """Return the order of day, month and year that fits, None without dates, and whether it is the only one."""
+    """
+    Return the index in `ways` of the order of day, month and year that fits, and whether no other order fits as well.
+
+    Return None and True if there are no dates.
+    """
     most = max(int(np.isfinite(days).sum()) for days in ways)
     if not most:
         return None, True
@@ -345,7 +355,11 @@ def _text(cells: Sequence[str]) -> Any:
 
 
 def clock_text(text: Any) -> Any:
-    """Return clocks HHMMSS, an Arrow array of text, with leading zeros; None if the numbers are not clocks."""
+    """
+    Return clocks HHMMSS, an Arrow array of text, with leading zeros.
+
+    Return None if at most half of the cells are numbers, or if one has more than 59 minutes or seconds.
+    """
     import pyarrow.compute as pc
 
     parts = pc.extract_regex(text, pattern=r"^(?P<whole>\d{1,6})(?P<rest>\.\d*)?$")
@@ -472,7 +486,11 @@ def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
 
 
 def spread(seconds: Array) -> tuple[Array, list[str]]:
-    """Return times and notes; samples that share a stamp get evenly spaced times up to the next stamp."""
+    """
+    Return times, s, and notes; samples that share a stamp get evenly spaced times up to the next stamp.
+
+    The times are returned unchanged, without a note, unless more than half of their steps are 0 and none is below 0.
+    """
     if seconds.size < 8:
         return seconds, []
     steps = np.diff(seconds)

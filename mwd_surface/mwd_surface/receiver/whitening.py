@@ -61,7 +61,7 @@ def prediction_error_filter(
     Returns
     -------
     float
-        Standard deviation of the innovation, Pa; 0 if the noise is constant.
+        Standard deviation of the innovation, Pa; 0 if the noise is constant or has too few samples for `order`.
     """
     n = len(noise)
     lags = np.zeros(order + 1)
@@ -171,7 +171,11 @@ def _sizes(noise: Array, known: Array) -> tuple[Array, float]:
 
 @compiled
 def _mean_precision(square: Array, known: Array, out: Array) -> None:
-    """Fill `out` with the mean of 1 / variance by a forward-backward pass; square: squared noise over steady noise."""
+    """
+    Fill `out` with the mean of 1 / variance by the forward-backward algorithm.
+
+    square, shape (n,): squared noise over the mean square of the steady noise; known, shape (n,): as in `steadiness`.
+    """
     n = len(square)
     likelihood, chance = np.ones((n, _STATES)), np.empty((n, _STATES))
     begun, ended, other = _BEGINS / (_STATES - 1), 0.5 / _LASTS, 0.5 / _LASTS / (_STATES - 1)

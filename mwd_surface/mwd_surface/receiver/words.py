@@ -100,7 +100,11 @@ def value_of(word: ReceivedWord) -> LinkValue:
 
 @dataclasses.dataclass(frozen=True)
 class FrameReport:
-    """Report of one pass of a sequence: number, kind, time, energy per bit over noise density, clock error, reason."""
+    """
+    Report of one pass of a sequence: number, kind, begin and end, s, energy per bit over noise density, dB.
+
+    clock_error: relative error of the tool's clock; reason: sentence on what went wrong, empty if nothing did.
+    """
 
     frame: int
     kind: str
@@ -114,7 +118,7 @@ class FrameReport:
 @dataclasses.dataclass
 class Reception:
     """
-    Words and passes that a block of samples completed.
+    Words, and passes of sequences (frames), that a block of samples completed.
 
     Attributes
     ----------
@@ -205,14 +209,18 @@ def packet_rows(items: tuple[SequenceItem, ...], code: str = "mary") -> tuple[In
 
 
 def item_of(word: ReceivedWord, tool: ToolConfiguration) -> SequenceItem:
-    """Return the sequence item of a word in the tool configuration."""
+    """Return the sequence item of a word in the tool configuration; an item of 2 bits if there is no such word."""
     sequences = tool.surveys if word.kind == "survey" else tool.toolfaces
     here = (items[word.index] for items in sequences if word.index < len(items))
     return next((item for item in here if item.name == word.name), SequenceItem(word.name, 2, False))
 
 
 def pulse_edges(word: ReceivedWord, tool: ToolConfiguration) -> list[float]:
-    """Return the begin of each pulse of a word's code, s after the word's begin; empty if the tool sends no pulses."""
+    """
+    Return the begin of each pulse of a word's code, s after the word's begin.
+
+    The list is empty if the tool sends no pulses, or if the code has more bits than the word.
+    """
     item = item_of(word, tool)
     if tool.code not in PULSE_CODES or word.raw >= 1 << item.bits:
         return []

@@ -91,7 +91,7 @@ class RosConformance:
         return self._states[-1][1]
 
     def view(self) -> View:
-        """Return the public state from a message received after this call."""
+        """Return the public state from a message received after this call, or the last one if none comes in 1 s."""
         asked = time.monotonic()
         while self._states[-1][0] < asked and time.monotonic() < asked + _SEEN_S:
             time.sleep(0.01)
@@ -214,7 +214,7 @@ class RosPeer:
         self._controller.publish(copy.deepcopy(sealed))
 
     def ask(self, wish: Wish) -> ControlAnswer:
-        """Request control."""
+        """Request control; return the answer. NotPossibleError: the priority exceeds a byte; ValueError: no answer."""
         if not 0 <= wish.priority <= 255:
             raise NotPossibleError("a priority is a byte")
         fields = {"priority": wish.priority, "wait": wish.wait, "duration": wish.duration}
@@ -224,7 +224,7 @@ class RosPeer:
         return ControlAnswer(answer.permission, answer.lease, answer.message)
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
-        """Send a set-point, and return whether it comes into force; True for a heartbeat (sequence 0)."""
+        """Send a set-point; return whether it is in force within `_SEEN_S`. True for a heartbeat (sequence 0)."""
         self.publish(self.sealed(_command(lease, sequence, point)))
         if sequence == 0:
             return True

@@ -127,7 +127,7 @@ class GraphClient:
         return {name: parameter_value_to_python(v) for name, v in zip(names, got.values, strict=True)}
 
     def describe(self, node: str, name: str) -> str:
-        """Return the description of a parameter."""
+        """Return the description of a parameter, empty if there is none; GraphError if there is no such node."""
         request = DescribeParameters.Request(names=[name])
         found = self._called(DescribeParameters, f"{self._node_named(node)}/describe_parameters", request)
         return str(found.descriptors[0].description) if found.descriptors else ""
@@ -168,7 +168,11 @@ class GraphClient:
         return future.result()
 
     def _found(self, wanted: str, there: Callable[[], dict[str, str]], what: str) -> tuple[str, str]:
-        """Wait until an item appears, and return its full name and type; wanted: full name, or the end of the name."""
+        """
+        Wait until an item appears, and return its full name and type; wanted: full name, or the end of the name.
+
+        Raises GraphError if no item has this name within `DISCOVERY_S`, or if several names have this end.
+        """
         end = time.monotonic() + DISCOVERY_S
         names: dict[str, str] = {}
         while time.monotonic() < end:

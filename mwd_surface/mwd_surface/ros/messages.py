@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of the surface: survey list, path, alarms, events, inputs, advice, state of the recorder."""
+"""ROS messages of the well path and of the recorder's state."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def type_name(kind: Any) -> str:
 
 
 def message_class(type_name: str) -> Any:
-    """Return the class of ``package/msg/Name``; None if the package is not installed."""
+    """Return the class of ``package/msg/Name``; None if the package is not installed or has no such message."""
     package, _, name = type_name.partition("/msg/")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), name, None)

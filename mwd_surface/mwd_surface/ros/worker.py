@@ -85,7 +85,11 @@ class RequestQueue:
         )
 
     def call(self, name: str, arguments: dict[str, Any]) -> Answer:
-        """Send a request from another thread and wait for its answer, at most 12 s."""
+        """
+        Send a request from another thread; return its answer.
+
+        After `_TIMEOUT_S` without an answer, False and a message are returned; the request may still be carried out.
+        """
         answer: concurrent.futures.Future[Answer] = concurrent.futures.Future()
         self._queue.put((name, arguments, answer))
         try:
@@ -94,7 +98,7 @@ class RequestQueue:
             return False, "the surface node did not answer; try again"
 
     def run_requests(self) -> None:
-        """Carry out the waiting requests; called by the node's timer."""
+        """Carry out the waiting requests; called by the node's timer. If the handler raises, the request fails."""
         while not self._queue.empty():
             name, arguments, answer = self._queue.get()
             try:

@@ -46,7 +46,7 @@ class Bundle:
 
 def write(folder: Path, target: Path, minutes: float, versions: str, environment: Mapping[str, str]) -> Bundle:
     """
-    Write the zip of a run, a well's folder or a recording.
+    Write the zip of a run, a well's folder or a recording; return its contents and remarks.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def clean(text: str, secrets: tuple[str, ...]) -> str:
 
 
 def newest_recording(folder: Path) -> Path | None:
-    """Return the recording in a folder or its subfolders that was written last; None if there is none."""
+    """Return the recording in a folder or its subfolders that was written last, None if none; a file is returned."""
     if folder.is_file():
         return folder
     files = [row for ending in ("mcap", "db3", "mcap.zstd", "db3.zstd") for row in _below(folder, f"*.{ending}")]
@@ -114,7 +114,9 @@ def newest_recording(folder: Path) -> Path | None:
 
 def copy_end(recording: Path, target: Path, minutes: float) -> int:
     """
-    Copy the last minutes of a recording, with the latched messages before them; return the number of messages.
+    Copy the last minutes of a recording, with the last message of each latched topic before them.
+
+    Metadata are copied too, except values whose names mean a secret. Return the number of messages.
 
     Raises
     ------

@@ -55,11 +55,12 @@ class CalibrationReadings:
         Description of the run, shown to users.
     unit : str
         Name of the unit, a key of `UNITS`.
-    imu : Samples
-    mag : Samples or None
-        Samples at the stamps of `imu`.
+    imu : Samples, shape (n,)
+        Layout `wire.IMU`, in order of time.
+    mag : ndarray, shape (n, 3), or None
+        Magnetic field, T, interpolated to the stamps of `imu`.
     celsius : ndarray, shape (n,)
-        Temperature at the stamps of `imu`.
+        Temperature, degC, interpolated to the stamps of `imu`.
     rate : float
         Sample rate, Hz.
     """
@@ -74,12 +75,12 @@ class CalibrationReadings:
 
 def simulated(scenario: Scenario, unit: str) -> CalibrationReadings:
     """
-    Simulate the calibration run of a unit.
+    Return the readings of a simulated calibration run of a unit.
 
     Raises
     ------
     ValueError
-        The sonde of the scenario has no such unit.
+        The sonde of the scenario has no such unit, or the run has fewer than 100 samples.
     """
     if unit == "precision" and scenario.precision is None:
         raise ValueError(f"scenario {scenario.name}: its sonde has no precision unit")
@@ -187,7 +188,7 @@ def write(path: Path, found: Calibration, about: Mapping[str, Any]) -> None:
 
 def read(path: Path, unit: str = "ahrs") -> Calibration:
     """
-    Read a calibration file, written by `write`, for use with a unit.
+    Return the calibration in a file that `write` made, for use with a unit.
 
     Raises
     ------
@@ -294,7 +295,7 @@ def errors(found: Calibration) -> list[tuple[str, str, list[str]]]:
 
 
 def _figure(value: float, sigma: float) -> str:
-    """Return value and 1 sigma as text, both to the second significant digit of the sigma."""
+    """Return value and 1 sigma as text, to the second digit of the sigma; the value alone if the sigma is 0."""
     if not sigma > 0.0:
         return f"{value:.4g}"
     decimals = max(0, 1 - math.floor(math.log10(sigma)))

@@ -48,7 +48,7 @@ class CheckResult:
 
 def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT) -> list[CheckResult]:
     """
-    Run all checks, in the order in which problems should be fixed.
+    Run all checks; return their results, in the order in which problems should be fixed.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ _TOOLS = (
 
 
 def python() -> CheckResult:
-    """Compare the Python version with the versions for which the ROS wheels are made."""
+    """Return OK if the ROS wheels are made for this Python version, else MISSING."""
     version = platform.python_version()
     if sys.version_info[:2] in _PYTHONS:
         return CheckResult("Python", CheckLevel.OK, version)
@@ -118,7 +118,11 @@ def python() -> CheckResult:
 
 
 def package(name: str, why: str) -> CheckResult:
-    """Check that a required package is installed."""
+    """
+    Return OK if a required package is installed, else MISSING, or NOTE if `why` has the words "without it".
+
+    why: purpose of the package, for the message.
+    """
     if importlib.util.find_spec(name) is None:
         level = CheckLevel.NOTE if "without it" in why else CheckLevel.MISSING
         return CheckResult(
@@ -129,7 +133,7 @@ def package(name: str, why: str) -> CheckResult:
 
 
 def interface(what: str, module: str, distribution: str) -> CheckResult:
-    """Check that the package of an optional interface is installed."""
+    """Return OK if the package of an optional interface is installed, else NOTE; what: name of the interface."""
     if importlib.util.find_spec(module) is None:
         remedy = f"{Path(sys.prefix) / 'bin' / 'python'} -m pip install {distribution}"
         return CheckResult(what, CheckLevel.NOTE, f"not available, because {distribution} is not installed", remedy)
@@ -137,7 +141,7 @@ def interface(what: str, module: str, distribution: str) -> CheckResult:
 
 
 def rig_port(what: str, port: int) -> CheckResult:
-    """Check whether a rig interface can listen on its usual port."""
+    """Return OK if a rig interface can listen on its usual port, else NOTE; what: name of the interface."""
     taken = _taken(port)
     if taken:
         remedy = "`mwd run` uses another port; for a surface node, set the port of this interface (rig.*.port)"
@@ -146,7 +150,7 @@ def rig_port(what: str, port: int) -> CheckResult:
 
 
 def middleware() -> CheckResult:
-    """Check whether rclpy can be imported, in another process, so that even a crash gives a result."""
+    """Return OK if rclpy can be imported, else MISSING; imported in another process, so that a crash gives a result."""
     environment = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
     words = "import rclpy, sys; from rclpy.utilities import get_rmw_implementation_identifier as f; print(f())"
     done = _ask([sys.executable, "-c", words], environment)
@@ -160,7 +164,7 @@ def middleware() -> CheckResult:
 
 
 def messages() -> CheckResult:
-    """Check whether mwd_msgs is built for this Python."""
+    """Return OK if mwd_msgs is built for this Python, else MISSING."""
     if importlib.util.find_spec("mwd_msgs") is None:
         remedy = "run `make setup`, or `colcon build` and source install/setup.bash"
         return CheckResult("mwd_msgs", CheckLevel.MISSING, "not built", remedy)
@@ -168,7 +172,11 @@ def messages() -> CheckResult:
 
 
 def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
-    """Check for another ROS installation in the environment, which would be mixed with that of this Python."""
+    """
+    Return MISSING if another ROS distribution is sourced, NOTE if AMENT_PREFIX_PATH adds to the wheels, else OK.
+
+    Packages of another installation would be mixed with those of this Python.
+    """
     distro = environment.get("ROS_DISTRO", "")
     if distro and distro != "jazzy":
         remedy = "open a new shell in which no other ROS distribution is sourced"
@@ -187,7 +195,11 @@ def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
 
 
 def discovery(environment: Mapping[str, str]) -> CheckResult:
-    """Report which machines discover the nodes of this machine."""
+    """
+    Return which machines discover the nodes of this machine: NOTE if the whole network does.
+
+    The level is MISSING if ROS_DOMAIN_ID is not a valid domain.
+    """
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     domain = environment.get("ROS_DOMAIN_ID", "0")
     if not domain.isdigit() or int(domain) > 232:
@@ -203,7 +215,11 @@ def discovery(environment: Mapping[str, str]) -> CheckResult:
 
 
 def receive_buffer() -> CheckResult:
-    """Check the largest receive buffer of a socket; while the machine is busy, messages that do not fit are lost."""
+    """
+    Return OK if sockets may have a receive buffer of `_RECEIVE_BUFFER`, else NOTE.
+
+    While the machine is busy, messages that do not fit into the buffer are lost.
+    """
     limit = Path("/proc/sys/net/core/rmem_max")
     try:
         most = int(limit.read_text(encoding="ascii"))
@@ -221,7 +237,7 @@ def receive_buffer() -> CheckResult:
 
 
 def disk(folder: Path) -> CheckResult:
-    """Check whether recordings can be written, and how many hours fit on the disk (175 MB/h at 1 kHz)."""
+    """Return MISSING if recordings cannot be written, NOTE with less than 2 GB (11 h at 1 kHz) free, else OK."""
     place = folder.resolve()
     while not place.exists():
         place = place.parent
@@ -239,7 +255,7 @@ def disk(folder: Path) -> CheckResult:
 
 
 def page_port(port: int) -> CheckResult:
-    """Check whether the live page can listen on its port."""
+    """Return OK if the live page can listen on its port, else NOTE."""
     taken = _taken(port)
     if taken:
         return CheckResult(
@@ -249,7 +265,11 @@ def page_port(port: int) -> CheckResult:
 
 
 def clock() -> CheckResult:
-    """Check whether a service synchronises the clock, because stamps of different machines are compared."""
+    """
+    Return NOTE if no service synchronises the clock, else OK, also if this is unknown.
+
+    Stamps of different machines are compared, so their clocks should agree.
+    """
     if shutil.which("timedatectl") is None:
         return CheckResult("clock", CheckLevel.OK, "not known here")
     done = _ask(["timedatectl", "show", "-p", "NTPSynchronized", "--value"], dict(os.environ))
@@ -260,7 +280,7 @@ def clock() -> CheckResult:
 
 
 def tool(name: str, why: str) -> CheckResult:
-    """Check for a program that is needed only to build the packages."""
+    """Return OK if a program that only the build needs is installed, else NOTE; why: its purpose, for the message."""
     found = shutil.which(name)
     if found:
         return CheckResult(name, CheckLevel.OK, found)

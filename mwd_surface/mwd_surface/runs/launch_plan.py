@@ -345,7 +345,7 @@ def _bindable(port: int) -> bool:
 
 
 def _locked(what: str) -> TextIO | None:
-    """Return a lock file that only one run at a time can hold; None if another run holds the lock."""
+    """Return a lock file that only one run at a time can hold; None if another run holds it, or it cannot be opened."""
     try:
         file = (_own_folder() / f"{what}.lock").open("a")
     except OSError:
@@ -368,7 +368,7 @@ def _own_folder() -> Path:
     Raises
     ------
     OSError
-        The folder cannot be created, or other users can write to it.
+        The folder cannot be created, or other users can write to it (PermissionError).
     """
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     folder = Path(runtime) / "mwd" if runtime else Path(tempfile.gettempdir()) / f"mwd-{os.getuid()}"

@@ -225,7 +225,7 @@ class Player:
 
 
 def recorded_depths(bag: Bag, well: str = "", step_m: float = STEP_M) -> DepthLog:
-    """Return a log without samples, which has the bit depths of `recorded_book`."""
+    """Return a log without samples, with the bit depths of a recording; arguments and errors as `recorded_book`."""
     return recorded_book(bag, well, step_m).logs
 
 

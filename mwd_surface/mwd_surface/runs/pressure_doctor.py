@@ -24,7 +24,7 @@ _BAR = 1.0e5
 
 def examine_pressure(read: PressureFile, tool: ToolConfiguration | None = None) -> list[CheckResult]:
     """
-    Run all checks of a pressure file, in the order in which problems should be fixed.
+    Run all checks of a pressure file; return their results, in the order in which problems should be fixed.
 
     Parameters
     ----------

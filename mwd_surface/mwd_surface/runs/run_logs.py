@@ -20,7 +20,7 @@ _PLAYED = {**OF_DEPTH, **dict.fromkeys(TOPICS, LogSample.MESSAGE)}
 
 def run_logs(path: Path, sensor_to_bit: float) -> tuple[DepthLog, ToolHealth] | None:
     """
-    Return the logs and the health of the tool of a run; None if the run has no logs.
+    Return the logs and the health of the tool of a run; None if it has neither a journal of logs nor recorded samples.
 
     Parameters
     ----------

@@ -124,7 +124,7 @@ class _LinkWriter:
         self._write(heard)
 
     def finish(self) -> None:
-        """Write the rest of the received signal."""
+        """Write the received signal that is not written yet."""
         self._write(self._tool.finish())
 
     def _write(self, heard: list[Heard]) -> None:
@@ -222,7 +222,7 @@ class SimulatedTool:
         return flow, self._link.advance(until_s - _LAG_S)
 
     def finish(self) -> list[Heard]:
-        """Return the rest of the received signal."""
+        """Return the received signal that `take` has not returned yet."""
         return self._link.advance(self._done)
 
     def _take_output(self, output: Output) -> None:

@@ -238,7 +238,11 @@ def _bound(log: Path) -> None:
 
 
 def last_words(log: Path, most: int = 400) -> str:
-    """Return the last non-empty line of a log, cut to `most` characters, or why the log cannot be read."""
+    """
+    Return the last `most` characters of the last non-empty line of a log.
+
+    Return a sentence if the log is empty or cannot be read.
+    """
     try:
         with log.open("rb") as file:
             file.seek(0, os.SEEK_END)

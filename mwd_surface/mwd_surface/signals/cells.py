@@ -53,7 +53,7 @@ def fixed(value: float | None, decimals: int, wrap: float = 0.0) -> str:
 
 
 def utc(stamp_ns: int) -> str:
-    """Return a stamp as UTC text to the millisecond, "2026-05-14T13:57:00.123Z"; empty for 0."""
+    """Return a stamp, ns, as UTC text to the millisecond, "2026-05-14T13:57:00.123Z"; empty for 0 or less."""
     if stamp_ns <= 0:
         return ""
     seconds, rest = divmod(stamp_ns, 10**9)

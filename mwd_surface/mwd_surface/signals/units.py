@@ -31,11 +31,11 @@ class UnitScale(NamedTuple):
     offset: float = 0.0
 
     def of(self, value: float) -> float:
-        """Convert an SI value to this unit."""
+        """Return the number in this unit for an SI value."""
         return value * self.factor + self.offset
 
     def si(self, number: float) -> float:
-        """Convert a number in this unit to SI."""
+        """Return the SI value of a number in this unit."""
         return (number - self.offset) / self.factor
 
 

@@ -62,7 +62,12 @@ def band_of(carrier: Carrier) -> Band:
 def _envelope(
     value: Array, known: Array, at: float, spacing: float, band: tuple[float, float, float], out: Complex, whole: Array
 ) -> None:
-    """Compute the envelope at positions at + k spacing; whole: share of the filter weight on known values."""
+    """
+    Fill the complex envelope `out` at the positions `at` + k `spacing`, steps.
+
+    band: frequency, cut-off and half width of the filter, as in `Band`; whole: filled with the share of the filter
+    weight that lies on known values.
+    """
     omega, cut_off, reach = band
     for k in range(len(out)):
         middle = at + k * spacing
@@ -117,7 +122,8 @@ def lines(value: Array, band: Band) -> Array:
     """
     Return the frequencies of the spectral lines in a band, strongest first.
 
-    value, shape (n,): samples of the grid. Returns shape (k,), rad per step.
+    value, shape (n,): samples of the grid. Returns shape (k,), rad per step, at most `_MOST_LINES`; none if the samples
+    are too few to find the noise floor in the band.
     """
     # The first difference removes the slope of 1/f noise, so that the noise floor is flat.
     step = np.diff(value)
@@ -144,7 +150,7 @@ def lines(value: Array, band: Band) -> Array:
 
 def line_columns(found: Array, band: Band, count: int, symbol: float) -> Complex:
     """
-    Return the columns of the lines in an envelope, to fit and subtract them; shape (count, WANDER k).
+    Return the columns of the lines in an envelope, to fit and subtract the lines; shape (count, WANDER k).
 
     found, shape (k,): frequencies of the lines, rad per step. count, symbol: as in `envelope`.
     """

@@ -40,7 +40,7 @@ _LINE = 1e4  # prior variance of a line's amplitude relative to the noise: pract
 
 @dataclasses.dataclass(frozen=True)
 class BlockData:
-    """Envelope of a block with its margins, shape (n,); 1 where it is known; columns of the lines, shape (n, k)."""
+    """Envelope of a block with margins, shape (n,); 1 where its value is known; columns of the lines, shape (n, k)."""
 
     envelope: Complex
     known: Array
@@ -125,6 +125,11 @@ class BlockDecoder:
             Prediction error filter of the noise in the previous block.
         turns : int
             Number of iterations; 1 uses the channel of the marker only, which is enough to compare trials.
+
+        Returns
+        -------
+        BlockDecision
+            With the evidence -inf if less than half of the marker is known, or the envelope there is 0.
         """
         mean, prior = np.zeros(self._count, dtype=complex), np.ones(self._count)
         mean[self._marker], prior[self._marker] = air.marker(), _KNOWN
@@ -180,20 +185,24 @@ class BlockDecoder:
         return float(np.angle(late * np.conj(early))) / (0.5 * self._carrier.block_symbols)
 
     def _sent(self, mean: Complex, shape: Complex) -> Complex:
-        """Return the envelope of symbols `mean`, shape (n,); the response begins `BEFORE` symbols before its symbol."""
+        """
+        Return the envelope, shape (rows,), of symbols with the values `mean`, shape (count,).
+
+        shape: response to one symbol; it begins `BEFORE` symbols before its symbol.
+        """
         impulses = np.zeros(self.rows, dtype=complex)
         impulses[::PER_SYMBOL] = mean
         begin = PER_SYMBOL * BEFORE
         return np.convolve(impulses, shape)[begin : begin + self.rows]
 
     def _trains(self, mean: Complex) -> Complex:
-        """Return the envelope of all symbols through each component of the response; shape (n, c)."""
+        """Return the envelope of all symbols through each component of the response; shape (rows, c)."""
         return np.stack([self._sent(mean, one) for one in _basis()], axis=1)
 
     def _channel(
         self, data: BlockData, mean: Complex, variance: Array, taps: Complex, weight: Array
     ) -> tuple[Complex, Complex]:
-        """Estimate the response to one symbol, shape (_LAGS,), and the sum of the lines, shape (n,)."""
+        """Return the estimated response to one symbol, shape (_LAGS,), and the sum of the lines, shape (rows,)."""
         columns = np.concatenate([self._trains(mean), data.lines], axis=1)
         left = filtered(columns, taps)
         right = filtered(data.envelope, taps)
@@ -242,7 +251,7 @@ class BlockDecoder:
     def _equalised(
         self, data: BlockData, channel: tuple[Complex, Complex], mean: Complex, variance: Array, weight: Array
     ) -> tuple[Complex, Array]:
-        """Return the estimate of each symbol without its own prior, shape (count,), and its precision."""
+        """Return the estimate of each symbol without its own prior, and the estimate's precision, (count,) each."""
         response, taps = channel
         shape = np.convolve(response, taps)
         lines = filtered(data.lines, taps)
@@ -260,7 +269,7 @@ class BlockDecoder:
         return ((mean + change[: self._count]) / posterior - mean * prior) / own, own
 
     def _soft_bits(self, estimate: Complex, precision: Array) -> Array:
-        """Return the log-likelihood ratio of each transmitted coded bit."""
+        """Return the log-likelihood ratio of each transmitted coded bit, positive for 0; shape (coded_bits,)."""
         z, rho = estimate[self._places], precision[self._places]
         if self._carrier.modulation == "qpsk":
             both = 2.0 * math.sqrt(2.0) * rho * z
@@ -271,7 +280,11 @@ class BlockDecoder:
         return np.asarray(4.0 * turned / (2.0 / rho + 1.0 / rho**2))
 
     def _symbols_of(self, ratios: Array, estimate: Complex, precision: Array) -> tuple[Complex, Array]:
-        """Return mean and variance of each symbol from the log ratios of its bits; for DPSK from the estimate."""
+        """
+        Return mean and variance of each symbol, shape (count,), from the log ratios of its coded bits.
+
+        For DPSK both come from the estimate and its precision.
+        """
         mean, variance = np.zeros(self._count, dtype=complex), np.ones(self._count)
         mean[self._marker], variance[self._marker] = air.marker(), _KNOWN
         if self._carrier.modulation == "qpsk":

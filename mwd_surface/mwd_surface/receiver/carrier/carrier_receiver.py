@@ -91,7 +91,7 @@ class CarrierReceiver(SampledReceiver):
         self._line = ""
 
     def finish(self) -> Reception:
-        """Decode the samples that are left at the end and return their words."""
+        """Decode the samples that are left at the end; return their words and the report of the last frame."""
         done = self._take(*self._resampler.finish())
         if self._grid.end:
             # Append unknown samples, as after a gauge failure, so that an incomplete last block is decoded too.
@@ -131,7 +131,7 @@ class CarrierReceiver(SampledReceiver):
             )
 
     def _advance(self, done: Reception) -> None:
-        """Search for markers and decode blocks in the samples that have arrived."""
+        """Search for markers and decode blocks in the samples that have arrived; add words and reports to `done`."""
         while True:
             if self._lock is not None:
                 if self._needs(self._lock.start, self._lock.symbol) > self._grid.end:
@@ -154,7 +154,11 @@ class CarrierReceiver(SampledReceiver):
         return math.ceil(start + (self._carrier.block_symbols + MARGIN) * symbol * 1.01 + self._band.reach) + REACH
 
     def _window(self, begin: float, end: float) -> tuple[Array, Array, int]:
-        """Return the samples without their mean, a mask (1 for known samples), and the position of the first sample."""
+        """
+        Return samples without their mean, a mask (1 for known samples), and the position of the first sample.
+
+        The samples reach from `begin` to `end`, steps, and by the half width of the filter to both sides.
+        """
         first = math.floor(begin - self._band.reach) - 1
         value, known = self._grid.samples(float(first), 1.0, math.ceil(end + self._band.reach) + 1 - first)
         known = known * (np.arange(first, first + len(value)) >= self._grid.first)
@@ -162,7 +166,7 @@ class CarrierReceiver(SampledReceiver):
         return (value - mean) * known, known, first
 
     def _search(self) -> None:
-        """Look for a marker that begins within the next step of the search."""
+        """Look for a marker in the next `_HOP` symbols; its block becomes the candidate that is decoded next."""
         symbol = self._band.symbol
         begin = self._hop * self._hop_steps
         past = min(_PAST, math.floor((begin - self._grid.first) / symbol))
@@ -186,7 +190,11 @@ class CarrierReceiver(SampledReceiver):
         return marker_score(found, whole, baseband.line_columns(lines, self._band, count, symbol))
 
     def _named(self, lines: Array, first: int, count: int) -> str:
-        """Name the strongest line on the carrier and the pump that causes it; lines, shape (k,): rad per step."""
+        """
+        Return a clause on the strongest line on the carrier, with its pump if known; empty if there is no line.
+
+        lines, shape (k,): frequencies, rad per step, strongest first; first, count: position and number of the samples.
+        """
         carrier, step_s = self._carrier, self._grid.step_s
         hertz = lines / (2.0 * math.pi * step_s)
         near = hertz[np.abs(hertz - carrier.frequency_hz) < carrier.symbol_rate_hz]
@@ -212,8 +220,8 @@ class CarrierReceiver(SampledReceiver):
         """
         Decode a block with several clocks; symbols: steps per symbol of each clock.
 
-        Return the best decision, its steps per symbol, name and words of the block if its check holds (else None), and
-        the number of trials.
+        Return the best decision, the corrected steps per symbol, name and data bytes of the block if its check holds
+        (else None), and the number of trials.
         """
         half = self._carrier.half + 0.5 * MARKER_SYMBOLS
         best = symbols[0]
@@ -233,7 +241,7 @@ class CarrierReceiver(SampledReceiver):
             best *= 1.0 - change
 
     def _try(self, start: float, score: float, done: Reception) -> None:
-        """Decode a block at a marker that the search found."""
+        """Decode the block at a marker that the search found; if its check holds, begin to track later blocks."""
         self._candidate = None
         symbol = self._band.symbol
         turned = self._band.omega * symbol * 0.5 * self._carrier.block_symbols * _CLOCK
@@ -252,7 +260,12 @@ class CarrierReceiver(SampledReceiver):
         self._received(done, (name, words), decision, odds)
 
     def _follow(self, lock: _Lock, done: Reception) -> None:
-        """Decode the next block at its expected place."""
+        """
+        Decode the next block at its expected place.
+
+        A block whose check fails counts as missed. Tracking ends if the marker of such a block is absent too, or if
+        more than `_MOST_LOST` blocks in a row fail.
+        """
         half = self._carrier.half + 0.5 * MARKER_SYMBOLS
         middle = lock.start + half * lock.symbol
         decision, found, block, tries = self._best(middle, [lock.symbol], lock.taps)
@@ -315,7 +328,7 @@ class CarrierReceiver(SampledReceiver):
         return float(self._grid.seconds(lock.start)), float(self._grid.seconds(end))
 
     def _next_pass(self, name: BlockName, start_s: float, ebn0_db: float) -> list[FrameReport]:
-        """Return the report of the last pass if this block begins another pass."""
+        """Add a block to its pass; return the report of the last pass if the block begins another one, else none."""
         last, ended = self._pass, []
         if last is not None and (name[:2] != last.name[:2] or name.place <= last.name.place):
             ended = self._end_pass("")
@@ -368,7 +381,8 @@ def marker_score(envelope: Complex, known: Array, lines: Complex) -> Array:
 
     Returns
     -------
-    ndarray, shape (n - 20 PER_SYMBOL,)
+    ndarray, shape (n - MARKER_SYMBOLS PER_SYMBOL,)
+        Score; 0 where a tenth or more of the marker is unknown.
     """
     if lines.shape[1]:
         weighted = known[:, None] * lines
@@ -407,7 +421,11 @@ _MOST_ERASED = 0.9
 
 
 def odds_of_marker(score: float) -> float:
-    """Return the odds that a marker with this score is real; noise exceeds a score x with probability exp(-x)."""
+    """
+    Return the odds that a marker with this score is real, at most `ODDS_EXPECTED`.
+
+    Noise exceeds a score x with probability exp(-x).
+    """
     return min(_BLOCKS_PER_SYMBOL * math.exp(min(score, 50.0)), ODDS_EXPECTED)
 
 
@@ -430,7 +448,11 @@ def following(tool: ToolConfiguration, name: BlockName) -> BlockName:
 
 
 def checked(tool: ToolConfiguration, bits: Array) -> tuple[BlockName, bytes] | None:
-    """Return name and data of a block if check, name, parities and filling hold, else None; bits: log ratios."""
+    """
+    Return name and data of a block if its check, name, parities and fill bits are right, else None.
+
+    bits: log posterior ratio of each bit, positive for 0.
+    """
     block = air.read_block((bits < 0.0).astype(np.int64), tool.table_check)
     if block is None:
         return None
@@ -496,7 +518,7 @@ def _index(tool: ToolConfiguration, name: BlockName) -> int:
 
 
 def _right(bits: Array) -> float:
-    """Return the probability that all bits are right, taking them as independent."""
+    """Return the probability that all bits are right, taken as independent; bits: log posterior ratios."""
     return float(np.exp(-np.sum(np.log1p(np.exp(-np.abs(bits))))))
 
 

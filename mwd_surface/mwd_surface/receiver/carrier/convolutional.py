@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Soft-decision decoder of the convolutional code: a forward-backward pass along its trellis.
+Soft-decision decoder of the convolutional code: the forward-backward algorithm along its trellis.
 
 It works with probabilities scaled at each step instead of logarithms: the result is the same without a function call
 per branch.
@@ -21,10 +21,11 @@ _SUREST = 40.0  # larger log-likelihood ratios are clipped: they add nothing, an
 @compiled
 def _forward_backward(given: Array, table: Indices, tail: int, bits: Array, coded: Array) -> float:
     """
-    Run the forward-backward pass of the convolutional code; return the log evidence.
+    Run the forward and the backward recursion along the trellis; return the log evidence.
 
-    given (n, 2): log-likelihood ratios of the received coded bits; bits (n,), coded (n, 2): filled with the
-    log-likelihood ratios of the data bits and of the coded bits.
+    given (n, 2): log-likelihood ratios of the received coded bits; table (states, 2): coded bits of each state for the
+    inputs 0 and 1; tail: number of zeros that end the block; bits (n,), coded (n, 2): filled with the log posterior
+    ratios of the data bits and of the coded bits.
     """
     n, states = len(given), len(table)
     half = states // 2

@@ -18,7 +18,7 @@ _FLOOR = 1e-2
 
 
 def filtered(x: Complex, taps: Complex) -> Complex:
-    """Apply a causal filter along the first axis, with zeros before the first row. x, shape (n,) or (n, k)."""
+    """Return x, shape (n,) or (n, k), filtered causally along the first axis, with zeros before the first row."""
     out = np.asarray(taps[0] * x, dtype=complex)
     for k in range(1, len(taps)):
         out[k:] += taps[k] * x[:-k]
@@ -28,6 +28,8 @@ def filtered(x: Complex, taps: Complex) -> Complex:
 def prediction_error_filter(noise: Complex, weight: Array, order: int) -> Complex:
     """
     Return the coefficients of the filter that whitens noise; the first belongs to the newest sample and is 1.
+
+    The shape is (order + 1,), or (1,) if the noise is 0 everywhere.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ class LinkOutput:
     """
     Words, surveys and passes of sequences (all words sent once) that a block of samples completed, in order of time.
 
-    states: each new state of the link with the time it began, s; filled only by `LinkFeed`.
+    states: each new state of the link with its begin, s; filled only by `LinkFeed`.
     """
 
     words: list[ReceivedWord] = dataclasses.field(default_factory=list)
@@ -133,7 +133,11 @@ class Link:
         return self._tool
 
     def successor(self, tool: ToolConfiguration) -> Link:
-        """Return a link with another tool configuration that continues the flow, attitude and time of this link."""
+        """
+        Return a link with another tool configuration that continues the flow, attitude and time of this link.
+
+        If both configurations send pulses, the doubt learned from parities continues too.
+        """
         after = Link(tool, self.name, self._rules, self._stamp_ns)
         after._tool_flow, after.attitude = copy.deepcopy(self._tool_flow), copy.deepcopy(self.attitude)
         after.flow = after._tool_flow.spans
@@ -145,7 +149,12 @@ class Link:
         return after
 
     def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:
-        """Add samples, shape (n,): rising times, s, and Pa (V for a link through the ground)."""
+        """
+        Add samples, shape (n,); return the output that they complete.
+
+        time_s: rising times, s; pressure_pa: Pa, V for a link through the ground, or bytes of a serial line. Values
+        that no gauge can measure count as missing samples.
+        """
         time, value = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)
         # Values that no gauge can measure become missing samples, here and once for all stages.
         value = np.where(np.abs(value) < LARGEST, value, np.nan)
@@ -157,7 +166,7 @@ class Link:
         return out
 
     def _push(self, time: Array, value: Array) -> LinkOutput:
-        """Add samples that lie within one second, as `push`."""
+        """Add samples that lie within one second; return the output that they complete, as `push`."""
         if self._other is not None:
             self._other.push(time, value, self.flow.on_since(self.now_s), self._expected_s)
         if self._tool.medium == "mud":
@@ -249,7 +258,7 @@ class Link:
         return max((item.bits for items in sequences for item in items if item.name == word.name), default=0)
 
     def _survey_of(self, words: list[ReceivedWord]) -> list[HeardSurvey]:
-        """Return a list with the survey in the words of a pass; empty if no word is usable."""
+        """Return a list with the survey in the words of one pass of a sequence; empty if no word is usable."""
         values = believed(words)
         if not values:
             return []
@@ -257,7 +266,12 @@ class Link:
         return [HeardSurvey(self.name, self._last_survey, values)]
 
     def _taken(self, sent_s: float) -> SurveyTime:
-        """Return the time of a survey whose words began at `sent_s`, s: in the last span without flow before that."""
+        """
+        Return the time of a survey whose words began at `sent_s`, s: in the last span without flow before that.
+
+        If this span is unknown, the time is the latest possible one. A tool on a wire takes a survey directly before
+        `sent_s`.
+        """
         if self._wired:
             # A tool on a wire sends a survey directly after taking it.
             return SurveyTime(self._stamp_ns(sent_s - 0.5 * SURVEY_S), 0.5 * SURVEY_S)
@@ -309,7 +323,11 @@ class Link:
         return "; ".join(filter(None, (reason, self._tool_flow.contradiction(self.now_s))))
 
     def _heard(self) -> tuple[FrameReport | None, ReceivedWord | None, list[ReceivedWord]]:
-        """Return the last pass, last word and final words since flow-on; older ones do not describe the present."""
+        """
+        Return the last pass of a sequence, the last word and the final words, if they ended after flow-on, else None.
+
+        The final words are a list, which may be empty. Older words do not describe the present.
+        """
         since = self.flow.on_since(self.now_s)
         frame, word = self._last_frame, self._last_word
         return (
@@ -375,7 +393,11 @@ class ToolFlow:
         self._word_s = -math.inf
 
     def take(self, at_s: float, rate: float | None) -> None:
-        """Add the flow that the rig reports at a time, s; rate: m^3/s, None if the rig reports no flow."""
+        """
+        Add the flow that the rig reports at a time, s; rate: m^3/s, None or NaN if the rig reports no flow.
+
+        For a link through the earth a change of side also begins or ends a span without flow.
+        """
         if rate is None or not math.isfinite(rate):
             self._at_s = -math.inf
             return
@@ -400,7 +422,12 @@ class ToolFlow:
         return max(self.spans.on_since(now_s), self._since_s if self._above(now_s) else -math.inf)
 
     def silence(self, now_s: float) -> str:
-        """Return why the tool sends nothing now; empty if it may send. A tool on a wire may always send."""
+        """
+        Return why the tool sends nothing now; empty if it may send.
+
+        It may send if it is on a wire, if pressure and the rig's flow do not show that the flow is low, or if a usable
+        word began after they showed this.
+        """
         if self._tool.medium == "serial":
             return ""
         above, pumping = self._above(now_s), self._pumping(now_s)
@@ -416,7 +443,7 @@ class ToolFlow:
         )
 
     def contradiction(self, now_s: float) -> str:
-        """Return how pressure and the rig's flow contradict each other now; empty if they agree."""
+        """Return how pressure and the rig's flow contradict each other now; empty if they agree or one is unknown."""
         above, pumping = self._above(now_s), self._pumping(now_s)
         reported = f"the rig reports a flow of {self._rate / LPM:.0f} l/min"
         if above is False and pumping and self._rate < _LEAST_SHARE * self._tool.flow_threshold:

@@ -145,7 +145,11 @@ class LinkAttitude:
         self.rotating = self.in_slips = False
 
     def take(self, word: ReceivedWord) -> None:
-        """Store a word, provisional or final; an erased final word removes the provisional word in its place."""
+        """
+        Store a usable word, provisional or final, unless a later one of the same quantity is stored.
+
+        An erased word removes the stored word with the same frame and index, which is its provisional form.
+        """
         quantity = meanings.meaning_of(word.name)
         if not quantity:
             return
@@ -243,7 +247,11 @@ class LinkAttitude:
         return max(found, key=lambda one: one.start_s) if found else None
 
     def _motion(self) -> Status:
-        """Return the motion of the string from rig data; sliding requires motion along the hole."""
+        """
+        Return the motion of the string from rig data: rotating, still in the slips, or sliding.
+
+        Sliding requires motion along the hole. Return Status(0) if none of these is known.
+        """
         if self.rotating:
             return Status.ROTATING
         if self.in_slips:
@@ -268,7 +276,11 @@ class LinkAttitude:
         return value.value + end - end_then, min(sigma, math.pi)
 
     def _quill_at(self, at_s: float) -> tuple[float, float]:
-        """Return the angle of the top drive, rad, and the part of this angle that has reached the end of the string."""
+        """
+        Return the angle of the top drive and the angle that has reached the end of the string, rad, by interpolation.
+
+        Both are 0 if the top drive has reported no angle.
+        """
         if not self._quill:
             return 0.0, 0.0
         times, drive, end = zip(*self._quill, strict=True)
@@ -280,9 +292,10 @@ class LinkAttitude:
 
 def best(rows: Sequence[Samples]) -> Samples:
     """
-    Merge the attitudes of several links at the same moment: each angle from the link with the smallest sigma.
+    Return the merged attitude of several links at the same moment: each angle from the link with the smallest sigma.
 
-    rows: at least one, each one row of `wire.ATTITUDE`. Both toolfaces, gravity and magnetic, come from the same link.
+    rows: at least one, each one row of `wire.ATTITUDE`. Both toolfaces, gravity and magnetic, and the status come from
+    the same link.
     """
     row = rows[0].copy()
     for name in ("inclination", "azimuth"):

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feed of one link with bursts: convert stamps to times, and hold pressure until the strokes of its time arrive."""
+"""
+Feed of one link with bursts: convert stamps to times, and hold pressure until the strokes of its time arrive.
+
+`FollowingLink` follows the tool to the configuration that a downlink command selects.
+"""
 
 from __future__ import annotations
 
@@ -102,12 +106,14 @@ class LinkFeed:
 
     def push(self, start_ns: int, period_s: float, values: Array) -> LinkOutput:
         """
-        Add a burst: stamp of its first sample, ns, time between samples, s, and samples, shape (n,).
+        Add a burst; return the output that it completes.
+
+        start_ns: stamp of the first sample; period_s: time between samples; values: samples, shape (n,).
 
         The link restarts if the time jumps back, or forward by more than an hour. A burst whose time jumps waits for
-        the next burst, and is dropped if that one is nearer to the time before the jump: its stamp was wrong. Call
-        `take_strokes` first for strokes that have already arrived, because this call stops waiting for a counter that
-        stays silent.
+        the next burst. If the next burst is nearer to the time before the jump, the waiting burst is dropped, because
+        its stamp was wrong. Call `take_strokes` first for strokes that have already arrived, because this call stops
+        waiting for a counter that stays silent.
         """
         end_ns = start_ns + round(period_s * len(values) * NANOSECONDS)
         burst, out = _Burst(start_ns, end_ns, period_s, values, self._clock()), LinkOutput()
@@ -142,7 +148,11 @@ class LinkFeed:
         return math.isfinite(self.link.now_s)
 
     def take_strokes(self, until_ns: int, strokes: Sequence[tuple[int, int]]) -> LinkOutput:
-        """Add strokes, each a pump and a stamp, ns; until_ns: no other strokes come before this stamp."""
+        """
+        Add strokes, each a pump and a stamp, ns; return the output of the pressure that waited for them.
+
+        until_ns: stamp before which no other strokes will come.
+        """
         if self._origin_ns is None:
             self._early += strokes
         else:

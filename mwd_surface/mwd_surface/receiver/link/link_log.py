@@ -29,7 +29,7 @@ def log_samples(
     words: Iterable[ReceivedWord], tool: ToolConfiguration, stamp_of: Callable[[float], int]
 ) -> Iterator[LogSample]:
     """
-    Yield the log samples in the final, usable words.
+    Yield the log samples in the final, usable words, except those that `survey_samples` yields.
 
     Parameters
     ----------

@@ -91,7 +91,7 @@ def survey(
     quality: QualitySettings | None = None,
 ) -> Survey | None:
     """
-    Build a survey from the believed words of one pass; None if the inclination is not among them.
+    Return the survey in the believed words of one frame; None if the inclination is not among them.
 
     Parameters
     ----------
@@ -168,7 +168,11 @@ def _value(values: dict[str, LinkValue], quantity: str, otherwise: float) -> flo
 
 
 def _axes(values: dict[str, LinkValue], reference: Reference | None) -> tuple[Array, Array]:
-    """Return specific force and field in tool axes that reproduce the received values, with toolface at high side."""
+    """
+    Return specific force, m/s^2, and field, T, shape (3,) each, in tool axes with the toolface at high side.
+
+    They reproduce the received values. Values that were not received are those of the reference, else usual ones.
+    """
     usual = (reference.total, reference.dip) if reference is not None else (None, None)
     g = _value(values, meanings.G_TOTAL, STANDARD_GRAVITY)
     b = _value(values, meanings.B_TOTAL, usual[0] or _FIELD)
@@ -186,7 +190,11 @@ def _angle_covariance(
     errors: SensorErrors,
     reference: Reference | None,
 ) -> Nine:
-    """Return the covariance of (inclination, azimuth, toolface), from the tool's sigma if sent, else the tool code."""
+    """
+    Return the covariance of (inclination, azimuth, toolface), rad^2, row by row; NaN except its first two variances.
+
+    A variance comes from the sigma that the tool sent, else from the tool code; the rounding of the word is added.
+    """
     inclination = values[meanings.INCLINATION]
     covariance_s = covariance_s.copy()
     covariance_s[3, 3] += (errors.axial_interference_nt * 1e-9) ** 2
@@ -208,7 +216,11 @@ def _angle_covariance(
 
 
 def _deviations(values: dict[str, LinkValue], reference: Reference | None, covariance: Array) -> Deviations:
-    """Return the totals minus the reference, NaN where either is unknown; word rounding is added to the covariance."""
+    """
+    Return the totals minus the reference, NaN where either is unknown, with their covariance.
+
+    The variances of the rounding of the words are added to `covariance` in place.
+    """
     found = []
     for k, (quantity, of_reference) in enumerate(
         ((meanings.G_TOTAL, "gravity"), (meanings.B_TOTAL, "total"), (meanings.DIP, "dip"))
@@ -249,7 +261,7 @@ _TOTALS = {"total gravity": meanings.G_TOTAL, "total field": meanings.B_TOTAL, "
 
 
 def north_of(reference: Reference | None) -> tuple[North, float]:
-    """Return the best north that the reference allows, and the angle that turns a magnetic azimuth to it, rad."""
+    """Return the best north that the reference allows, and the angle to add to a magnetic azimuth for it, rad."""
     north = best_north(reference)
     return North[north.upper()], north_correction(reference, north) or 0.0
 

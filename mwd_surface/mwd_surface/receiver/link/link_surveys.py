@@ -33,7 +33,11 @@ _HALF_STEPS = 0.5 * math.sqrt(12.0) * 1.01
 
 @dataclasses.dataclass
 class _LinkStation:
-    """Newest survey: its time, values, the link of each value, and the stamp until which it waits for more words."""
+    """
+    Newest survey: received words, values, and link of each value.
+
+    until_ns: stamp until which the survey waits for more words; published: its angles that were already returned.
+    """
 
     heard: HeardSurvey
     values: dict[str, LinkValue]
@@ -51,7 +55,7 @@ class LinkSurveys:
     tools : sequence of ToolConfiguration
         Configuration of each link. With several links, a survey that lacks a word waits for another link to bring it.
     reference : callable
-        Returns the reference field at a stamp, ns, or None if it is not configured.
+        Returns the reference field at a stamp, ns, or None if no reference is configured.
     errors : SensorErrors, optional
         Errors of the tool code, used where the tool sends no sigma.
     quality : QualitySettings, optional
@@ -80,7 +84,7 @@ class LinkSurveys:
         self._count = 0
 
     def take(self, heard: HeardSurvey, now_ns: int) -> list[Survey]:
-        """Add the words of a pass, all received until the stamp `now_ns`, ns; return the surveys now complete."""
+        """Add the words of one frame, all received until the stamp `now_ns`, ns; return the surveys now complete."""
         station, out = self._station, []
         if station is None or not _same(station, heard):
             out = self._ended(station)
@@ -96,18 +100,22 @@ class LinkSurveys:
         return out + self.advance(now_ns)
 
     def advance(self, now_ns: int) -> list[Survey]:
-        """Return the surveys that have waited long enough at a stamp, ns."""
+        """Return a list with the present survey if it is complete, or has waited long enough at a stamp, ns."""
         station = self._station
         if station is None or (not self._wanted <= station.values.keys() and now_ns < station.until_ns):
             return []
         return self._ended(station)
 
     def finish(self) -> list[Survey]:
-        """Return the survey that still waits when no more words come."""
+        """Return a list with the survey that still waits when no more words come."""
         return self._ended(self._station)
 
     def _ended(self, station: _LinkStation | None) -> list[Survey]:
-        """Return the survey of a station, unless it was returned before and no needed word has come since."""
+        """
+        Return a list with the survey of a station.
+
+        The list is empty without an inclination, and if the survey was returned before and no angle has come since.
+        """
         if station is None:
             return []
         known = frozenset(station.values.keys() & {meanings.INCLINATION, meanings.AZIMUTH})
@@ -165,7 +173,7 @@ def _agree(one: LinkValue, two: LinkValue, quantity: str) -> bool:
 
 
 def _better(new: LinkValue, old: LinkValue, quantity: str) -> bool:
-    """Return whether a word should replace another: the finer one if they agree, else the one with more confidence."""
+    """Return whether `new` should replace `old`: if they agree, by its smaller sigma, else by its higher confidence."""
     if _agree(new, old, quantity):
         return new.sigma < old.sigma
     return new.confidence > old.confidence

@@ -162,7 +162,7 @@ class OtherWidth:
 
     def push(self, time_s: Array, pressure_pa: Array, since_s: float, first_s: float) -> None:
         """
-        Add samples of one second or of a part of it. The first call in a second searches the samples before it.
+        Add samples of one second or of a part of it. The first call in a second searches those before this second.
 
         Parameters
         ----------

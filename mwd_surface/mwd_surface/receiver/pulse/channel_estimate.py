@@ -219,7 +219,9 @@ def spread(pairs: Array, shapes: Array) -> Array:
 
 def uncertainty(u: Array, covariance: Array, shapes: Array) -> float:
     """
-    Return the variance that an uncertain response adds to the decision between two places one TU apart, in noise units.
+    Return the variance that an uncertain response adds to the decision between two places one TU apart.
+
+    The unit is the variance of the noise.
 
     The error of the response multiplies the pulse and, where pulses are weak, the noise. The other place is either the
     earlier or the later one.
@@ -258,7 +260,12 @@ def sensitivity(response: Array) -> float:
 
 @compiled
 def reconstruct(train: Array, response: Array, out: Array) -> None:
-    """Fill out, shape (n,), with the pressure of a train of pulses; the response begins `BEFORE` the edge."""
+    """
+    Fill out, shape (n,), with the pressure of a train of pulses.
+
+    train, shape (n,): expected number of edges at each sample; response, shape (m,): begins `BEFORE` samples before the
+    edge.
+    """
     out[:] = 0.0
     for i in range(len(train)):
         if abs(train[i]) > 1e-4:
@@ -297,7 +304,11 @@ def matched(whitened: Array, weight: Array, response: Array, start: int, out: Ar
 
 
 def common_energy(response: Array, places: int) -> Array:
-    """Return the common energy of two pulses 0, 1, 2 ... TU apart; response, shape (m,), whitened; shape (places,)."""
+    """
+    Return the common energy of two pulses at each distance 0, 1, 2 ... TU, shape (places,).
+
+    response, shape (m,): whitened response to a pulse.
+    """
     full = np.correlate(response, response, mode="full")[len(response) - 1 :: SAMPLES_PER_TU]
     out = np.zeros(places)
     out[: min(places, len(full))] = full[:places]

@@ -78,7 +78,7 @@ class DecodedWord:
     pulses: bool = True
 
     def places(self) -> list[PulsePlace]:
-        """Return the possible places of the pulses of the word."""
+        """Return the places with a probability above 0.001 of the pulses of the word; none if it has no pulses."""
         found: list[PulsePlace] = []
         if not self.pulses:
             return found
@@ -170,7 +170,11 @@ def parts_of(
 
 
 def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH_BITS) -> tuple[SequenceItem, ...]:
-    """Return the next words of a sequence with at least `least` bits together; a short remainder is included."""
+    """
+    Return the next words of a sequence, after the first `done`, with at least `least` bits together.
+
+    A remainder of the sequence with less than half of these bits is included.
+    """
     bits, end = 0, done
     while end < len(items) and bits < least:
         bits += items[end].length
@@ -199,7 +203,7 @@ def rows_from_sync(tool: ToolConfiguration, items: tuple[SequenceItem, ...]) -> 
 def soft_words(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
-    """Return the words with the probabilities of their codes."""
+    """Return the words with the probabilities of their most probable codes; parity: 0 even, 1 odd."""
     found = (_soft_ranks if rows[0, trellis.RISING] else _soft_values)(decision, rows, items, parity)
     ends = np.flatnonzero(rows[:, trellis.ENDS]) + 1
     return [
@@ -218,7 +222,7 @@ def _worst(fits: Array) -> float:
 def _soft_values(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
-    """Return the words of the pulse position code with the probabilities of their codes, for `soft_words`."""
+    """Return the words of the pulse position code with their most probable codes, for `soft_words`."""
     count, values = len(rows), trellis.values_of(rows)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     chance, even = np.empty((count, values)), np.empty(count)
@@ -249,7 +253,7 @@ def _soft_values(
 def _soft_ranks(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
-    """Return the words of the combinatorial code with the probabilities of all their codes, for `soft_words`."""
+    """Return the words of the combinatorial code with their most probable codes, for `soft_words`."""
     count, values = len(rows), trellis.values_of(rows)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     ends = np.flatnonzero(rows[:, trellis.ENDS])
@@ -280,9 +284,10 @@ def _soft_ranks(
 
 def _mixed(codes: list[int], chances: Array, holds: Array | None, disturbed: float) -> Soft:
     """
-    Mix the code probabilities of steady noise and of a disturbance, which has the probability `disturbed`.
+    Return the word with the mixed code probabilities of steady noise and of a disturbance.
 
-    chances, shape (temperatures, codes): probability of each code; holds, shape (temperatures,): as in `Soft`.
+    chances, shape (2, codes): probability of each code in steady noise and in a disturbance; holds, shape (2,): as in
+    `Soft`, None without a parity; disturbed: probability of a disturbance.
     """
     shares = np.array([1.0 - disturbed, disturbed])
     # A parity that probably fails is evidence for a disturbance of this word.

@@ -86,13 +86,17 @@ class PulseReceiver(SampledReceiver):
         return after
 
     def push(self, time_s: Array, value: Array) -> Reception:
-        """Add samples, as `SampledReceiver.push`; if no flow spans were given, also find the flow from the pressure."""
+        """
+        Add samples; return the words and frames that they complete, as `SampledReceiver.push`.
+
+        If no flow spans were given, the spans are also found from these samples.
+        """
         if self._finds_flow:
             self._flow.push(time_s, value)
         return super().push(time_s, value)
 
     def finish(self) -> Reception:
-        """Decode the samples that are left at the end and return their words."""
+        """Decode the samples that are left at the end; return their words and the reports of their frames."""
         done = self._take(*self._resampler.finish())
         # Append unknown samples, as after a gauge failure, so that the last word is decoded too, without its echoes.
         self._last = self._grid.end
@@ -181,7 +185,7 @@ class PulseReceiver(SampledReceiver):
                 return
 
     def _add(self, done: Reception, more: Reception) -> None:
-        """Add the words of a step to `done`, after earlier surveys have decided erased words."""
+        """Add words and reports of a step to `done`, after earlier surveys have decided erased words."""
         if more.frames and self._tracker.leader is not None:
             self.channel = self._tracker.leader.channel
         for frame in more.frames:
@@ -246,7 +250,11 @@ def _sync_db(score: float) -> float:
 def decode(
     tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array] | None = None
 ) -> Reception:
-    """Decode a whole recording with strokes per pump; arguments as in `PulseReceiver.push` and `strokes`."""
+    """
+    Return the words of a whole recording, and the reports of its frames.
+
+    strokes: times, s, of the strokes of each pump; other arguments as in `PulseReceiver.push`.
+    """
     receiver = PulseReceiver(tool)
     for pump, times in (strokes or {}).items():
         receiver.strokes(pump, times)

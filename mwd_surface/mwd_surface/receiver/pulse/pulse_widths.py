@@ -71,7 +71,7 @@ def margins(channel: ChannelEstimate, width_s: float, ebn0_db: float) -> list[Wi
 
 
 def _pulse(frequency: Array, width: float) -> Array:
-    """Return the magnitude of the spectrum of a rectangle."""
+    """Return the magnitude of the spectrum, s, of a rectangle with this width, s; frequency: Hz."""
     return np.asarray(width * np.abs(np.sinc(frequency * width)))
 
 

@@ -2,10 +2,10 @@
 """
 Decoder of a stretch of a transmission: it finds packets and noise together, with the channel of the other pulses.
 
-It alternates a forward-backward pass over the packets with a new noise model. The packets are those of the next words
-or, when a pass of a sequence is complete, those of all its words again, each word being a group. The channel of a group
-is estimated from the sync and the packets before and after the group, never from the pressure of the group itself. The
-uncertainty of the channel is added to the noise.
+It alternates the forward-backward algorithm over the packets with a new noise model. The packets are those of the next
+words or, when a pass of a sequence is complete, those of all its words again, each word being a group. The channel of a
+group is estimated from the sync and the packets before and after the group, never from the pressure of the group
+itself. The uncertainty of the channel is added to the noise.
 """
 
 from __future__ import annotations
@@ -199,7 +199,7 @@ class DecodedStretch:
 
 def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStretch:
     """
-    Decode a stretch.
+    Return the decoded packets of a stretch, with the channel, timing and evidence.
 
     Parameters
     ----------
@@ -414,7 +414,11 @@ def _whitened(response: Array, whitener: Array) -> Array:
 
 
 def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Array) -> tuple[Array, Array]:
-    """Return level and pump noise of a stretch without the pulses known so far, and the crank angles that help."""
+    """
+    Return the sum of level and pump noise, Pa, of a stretch without the pulses known so far, and the angles to use.
+
+    The angles, shape (pumps, n), are those of the stretch if they help to predict the pump noise, else shape (0, n).
+    """
     explained = np.empty(len(stretch.pressure))
     reconstruct(_train(stretch, probability), state.response, explained)
     noise = stretch.pressure - explained
@@ -430,6 +434,7 @@ def _estimate(
     Estimate the response from the pulses around each group; `state` receives the mean of these estimates.
 
     The pressure of the group itself is not used, because a response estimated from its own decisions confirms them.
+    pulses: weight of each sample, expected number of edges at each sample, and places of the pulses.
 
     Returns
     -------
@@ -590,7 +595,7 @@ def _unsure(places: Array, response: Array, weight: Array) -> Array:
 
 
 def _level(noise: Array, weight: Array) -> float:
-    """Return the mean of a pressure without its pulses."""
+    """Return the weighted mean, Pa, of a pressure without its pulses."""
     return float(weight @ noise) / max(float(weight.sum()), 1e-300)
 
 
@@ -603,7 +608,7 @@ def _timing(
     Returns
     -------
     (float, float, float)
-        Drift, its variance and its centre, as in `DecodedStretch.timing`.
+        Drift, its variance and its centre, as in `DecodedStretch.timing`; (0, 1, 0) if the pulses are too few.
     """
     train = _train(stretch, probability)
     g = _whitened(state.response, state.whitener)

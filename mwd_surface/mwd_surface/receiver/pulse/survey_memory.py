@@ -103,7 +103,7 @@ class SurveyMemory:
 
     def settle(self, words: list[ReceivedWord]) -> list[ReceivedWord]:
         """
-        Return the final words of one pass; those of a toolface sequence are returned unchanged.
+        Return the final words of one pass of a sequence; those of a toolface sequence are returned unchanged.
 
         Repeated words, within the survey or from the survey before, get the combined posterior of all receptions. A
         word that is still erased is decided where earlier surveys make one of its codes probable enough.
@@ -130,7 +130,7 @@ class SurveyMemory:
         return settled
 
     def _bits(self, words: list[ReceivedWord]) -> dict[int, int]:
-        """Return the number of bits of each word, by its index in the pass."""
+        """Return the number of bits of each word, by its index in the sequence."""
         for items in self._tool.surveys:
             if all(word.index < len(items) and items[word.index].name == word.name for word in words):
                 return {word.index: items[word.index].bits for word in words}

@@ -126,7 +126,7 @@ def search(
     Returns
     -------
     SyncFound or None
-        None if nothing resembles a sync.
+        None if no sync has the score `least`, or if the noise cannot be modelled.
     """
     early = whitener is None and begin < _LEAST_NOISE
     moved = min(_settled(pressure), max(begin - BEFORE, 0)) if early else _settled(pressure[:begin])
@@ -161,7 +161,11 @@ def _refined(
 
 
 def _settled(pressure: Array) -> int:
-    """Return the sample after which the pressure no longer moves as when pumps start, so that noise can be modelled."""
+    """
+    Return the sample after which the pressure no longer moves as when pumps start, so that noise can be modelled.
+
+    At least `_LEAST_NOISE` samples are left after it; 0 if there are not more.
+    """
     count = len(pressure) // _BLOCK
     if len(pressure) <= _LEAST_NOISE:
         return 0
@@ -176,7 +180,7 @@ def _found(
     pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], whitener: Array, least: float
 ) -> SyncFound | None:
     """
-    Find the best sync with a known noise model; None if no sync has the score `least`.
+    Return the best sync with a known noise model, and its next best as `other`; None if no sync has the score `least`.
 
     span: range of the first sample of the sync. whitener: noise model.
     """
@@ -217,7 +221,11 @@ def _found(
 
 
 def _columns(shapes: Array, edges: Array) -> Array:
-    """Return the whitened pressure of a whole sync per component, from `BEFORE` its start; shape (c, samples)."""
+    """
+    Return the whitened pressure of a whole sync for each component, shape (c, samples).
+
+    The first sample is `BEFORE` samples before the start of the sync.
+    """
     columns = np.zeros((len(shapes), int(edges[-1]) + shapes.shape[1]))
     for edge in edges:
         columns[:, edge : edge + shapes.shape[1]] += shapes

@@ -64,7 +64,12 @@ class Tracker:
         self.leader: ReceivedTransmission | None = None
 
     def offer(self, found: SyncFound, position: float) -> None:
-        """Add the hypothesis of a sync at a position of the grid, unless an existing one expects a sync there."""
+        """
+        Add the hypothesis of a sync at a position of the grid.
+
+        It is not added if an existing hypothesis expects a sync there, or begins there with at least the same score. If
+        there are then more than `_MOST`, the least probable one is dropped, but not the leader.
+        """
         expecting = [one for one in self._all if one.expects_sync(position)]
         for one in expecting:
             one.offer_sync()
@@ -84,6 +89,8 @@ class Tracker:
     def due(self, searched: int, beyond: float) -> tuple[float, ReceivedTransmission | None]:
         """
         Return the lowest position up to which a next step needs pressure, and the hypothesis with this step.
+
+        Return inf and None if no hypothesis has a next step.
 
         searched: position up to which syncs were sought; beyond: pressure that the search needs after a position.
         """
@@ -119,7 +126,7 @@ class Tracker:
         return done
 
     def finish(self) -> Reception:
-        """End all hypotheses; return the words of the best."""
+        """End all hypotheses; return the words of the best one, then of the best that begins after its last pulse."""
         done = Reception()
         while self._all:
             best = self.leader or max(self._all, key=lambda one: (one.presence.confirmed, one.total))
@@ -143,7 +150,11 @@ class Tracker:
         return one.sound and one.presence.packets >= _ESTABLISHED
 
     def _compare(self, one: ReceivedTransmission, done: Reception) -> None:
-        """Drop the hypotheses that explain the pressure clearly worse than another one."""
+        """
+        Compare a hypothesis with all others; drop the one of each pair that explains the pressure clearly worse.
+
+        Later syncs within the pulses of an established leader are dropped too.
+        """
         others = [other for other in self._all if other is not one and other.presence.packets]
         for other in others:
             better, worse = (one, other) if self._ahead(one, other) >= 0.0 else (other, one)
@@ -165,7 +176,11 @@ class Tracker:
         return one.gained(begin, end) - other.gained(begin, end)
 
     def _end(self, one: ReceivedTransmission, done: Reception, better: ReceivedTransmission | None = None) -> None:
-        """End a hypothesis; publish its words if it leads and the better one does not explain the same pulses."""
+        """
+        End a hypothesis; publish its words if it leads, or if none leads, none is better and it is confirmed.
+
+        Words are not published if none of them was published before and the better hypothesis begins within their sync.
+        """
         self._all.remove(one)
         if one is not self.leader and (self.leader is not None or better is not None or not one.confirmed):
             return
@@ -178,7 +193,11 @@ class Tracker:
         self._frames = one.base + one.frames if one.published else self._frames
 
     def _publish(self, done: Reception) -> None:
-        """Choose the leader, and publish its words unless another hypothesis is nearly as probable."""
+        """
+        Choose the leader, and publish its words unless another hypothesis is nearly as probable.
+
+        A leader that is established, or whose words were published before, is not compared with others.
+        """
         if self.leader is None:
             ready = [one for one in self._all if one.confirmed]
             self.leader = max(ready, key=lambda one: one.total, default=None)

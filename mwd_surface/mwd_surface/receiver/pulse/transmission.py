@@ -73,7 +73,7 @@ class ReceivedTransmission:
     lost : str
         Reason why the hypothesis has ended by itself; empty while it goes on.
     frames, base : int
-        Number of passes so far; number of the first pass among all that are published.
+        Number of passes of sequences so far; number of the first of them among all that are published.
     published : bool
         Whether words of this hypothesis were published.
     sent : bool
@@ -134,7 +134,7 @@ class ReceivedTransmission:
         return float(np.interp(end, places, sums) - np.interp(begin, places, sums))
 
     def expects_sync(self, position: float) -> bool:
-        """Return whether a sync at a position of the grid starts where the next pass would."""
+        """Return whether a sync at a position of the grid starts where the next pass of a sequence would start."""
         at = (position - self._clock.start) / self._clock.pace
         return (
             self._pass is not None
@@ -143,7 +143,7 @@ class ReceivedTransmission:
         )
 
     def offer_sync(self) -> None:
-        """Let the next pass begin with a sync if the data support it."""
+        """Let the next pass of a sequence begin with a sync if the data support the sync."""
         self._offered = True
 
     def needs(self) -> float:
@@ -162,13 +162,17 @@ class ReceivedTransmission:
         return self.needs() - SAMPLES_PER_TU * (_AFTER_TU + GAP_TU) * self._clock.pace - REACH
 
     def begins(self) -> float:
-        """Return the position of the grid up to which the sync search must have come before the next step."""
+        """
+        Return the position of the grid up to which the sync search must have come before the next step.
+
+        Return -inf if the next step does not depend on a sync.
+        """
         if self._pass is None:
             return self._clock.at(self._boundary)
         return self._clock.at(self._pass_end(self._pass) + SAMPLES_PER_TU) if self._pass.complete else -math.inf
 
     def keeps(self) -> float:
-        """Return the first position of the grid still needed, because a complete pass is decoded again."""
+        """Return the first position of the grid still needed, because a complete sequence is decoded again."""
         start = self._boundary if self._pass is None else self._pass.start
         return self._clock.at(start - SAMPLES_PER_TU * _HISTORY_TU)
 
@@ -219,7 +223,7 @@ class ReceivedTransmission:
             self.sent = not self._tool.toolfaces
 
     def taken(self) -> Reception:
-        """Return the words that are ready to be published, with the numbers of their passes among all published."""
+        """Return and remove the words that are ready to be published, with the numbers of their passes among all."""
         ready, self._pending = self._pending, Reception()
         first = self.base
         return Reception(
@@ -229,7 +233,7 @@ class ReceivedTransmission:
         )
 
     def close(self, until: float, reason: str) -> None:
-        """End the transmission at a position of the grid, for a reason."""
+        """End the transmission at a position of the grid, for a reason; words that end later count as silent."""
         now = self._pass
         self.lost = self.lost or reason
         if now is not None and math.isfinite(until):
@@ -238,7 +242,11 @@ class ReceivedTransmission:
         self._complete()
 
     def _complete(self) -> None:
-        """Decode the words of the pass again with all its pulses, and judge them by all its parities."""
+        """
+        Decode the words of the present sequence again, with all pulses and parities, and make them ready to publish.
+
+        Nothing is done without a decoded word, or before the sync is confirmed.
+        """
         now = self._pass
         if now is None or not now.parts or not self.confirmed:
             return
@@ -279,7 +287,11 @@ class ReceivedTransmission:
         return words
 
     def _decode_again(self, now: Pass, parts: list[DecodedWord]) -> None:
-        """Decode words of a pass once more, all together: each with the pulses before and after it."""
+        """
+        Decode words of a sequence once more, all together: each with the pulses before and after it; update `parts`.
+
+        For words after a sync, also compute the probability that a second tool sends.
+        """
         if not parts:
             return
         starts = [(part.at - now.start) // SAMPLES_PER_TU for part in parts]
@@ -306,7 +318,7 @@ class ReceivedTransmission:
             self._two_tools = second_tool(*decision.sync, soft)
 
     def _forget(self, now: Pass) -> None:
-        """Keep only the pulses of a pass that later passes need."""
+        """Remove the words of a decoded sequence; keep those of its pulses that the decoding of later words needs."""
         self._places = self._pulses()
         now.parts = []
         oldest = now.at - SAMPLES_PER_TU * _HISTORY_TU - len(self._channel.response)
@@ -359,7 +371,11 @@ class ReceivedTransmission:
         return self._tool.surveys if kind == "survey" else self._tool.toolfaces
 
     def _begin_pass(self) -> None:
-        """Choose the next sequence: after a sync by the evidence of the data, otherwise the toolface sequence again."""
+        """
+        Choose the next sequence: after a sync by the header and the evidence in the data, else the toolface sequence.
+
+        If the tool sends no header, a survey follows a sync.
+        """
         if self._pass is not None:
             following = self._following(self._pass)
             offered, self._offered = self._offered, False
@@ -648,7 +664,7 @@ class Presence:
             del self._recent[0]
 
     def _last(self) -> list[PulseEvidence]:
-        """Return the last stretches with enough packets to be judged together."""
+        """Return the last stretches with `_JUDGED_PACKETS` packets or more together, else all recent stretches."""
         packets = 0
         for k in range(len(self._recent) - 1, -1, -1):
             packets += self._recent[k].packets

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Soft decisions on packets: a forward-backward pass over the packets of some words, parity included.
+Soft decisions on packets: the forward-backward algorithm over the packets of some words, parity included.
+
+A packet is a window of time with one pulse; the place of the pulse gives the value of the packet.
 
 The metric is Ungerboeck's: the output of the matched filter at a place, minus half the energy of a pulse, minus the
 energy that pulses have in common. The previous pulse is a state of the trellis and enters exactly; pulses farther away
@@ -68,7 +70,7 @@ def _odd(value: int) -> int:
 
 @compiled
 def _pair(common: Array, gap: int, level: float) -> float:
-    """Return the common energy of two pulses `gap` TU apart."""
+    """Return the common energy of two pulses `gap` TU apart times `level`; 0 if they are too far apart to overlap."""
     return float(level * common[gap]) if gap < len(common) else 0.0
 
 
@@ -250,7 +252,7 @@ def best_words(
     out: Array,
 ) -> int:
     """
-    Find the most probable values of one word, parity bit included.
+    Fill the most probable codes of one word, parity bit included; return their number.
 
     Parameters
     ----------
@@ -259,12 +261,12 @@ def best_words(
     first : int
         First packet of the word.
     out : ndarray, shape (beam, 2)
-        Values and log probabilities (not normalised by the evidence), best first.
+        Codes and log probabilities (not normalised by the evidence), best first.
 
     Returns
     -------
     int
-        Number of values found.
+        Number of codes found.
     """
     beam = len(out)
     # Columns: value of the last packet, parity and code so far, log sum of the paths so far.
