@@ -195,10 +195,11 @@ def calibrate(
 
 def _turns(w: Array, at_rest: TumbleRests, bias: Array, drift: Array, rate: float) -> Array:
     """
-    Return the rotation vectors between intervals at rest in order of time, rad, shape (longest, rotations, 3).
+    Return the rotation vectors of the samples between intervals at rest, rad, shape (n, k, 3).
 
-    w, shape (n, 3), are the rates of the whole run; bias, shape (3,), is the gyro bias of the run and drift, shape
-    (rotations, 3), its change in each rotation. All in rad/s.
+    k is the number of rotations, in order of time, and n the number of samples of the longest; shorter rotations are
+    padded with zeros. w, shape (samples, 3), are the rates of the whole tumble; bias, shape (3,), is the gyro bias and
+    drift, shape (k, 3), its change in each rotation. All in rad/s.
     """
     turns = []
     for k in range(len(drift)):
@@ -213,9 +214,9 @@ def _turns(w: Array, at_rest: TumbleRests, bias: Array, drift: Array, rate: floa
 
 def _carried(steps: Array, down: Array) -> Array:
     """
-    Return the directions of gravity in tool axes after k rotations, shape (k, 3).
+    Return the directions of gravity in tool axes after k rotations, unit vectors, shape (k, 3).
 
-    steps, shape (n, k, 3): rotation vectors of the n parts of each rotation, rad. down, shape (k, 3): directions of
+    steps, shape (n, k, 3): rotation vectors of the n samples of each rotation, rad. down, shape (k, 3): directions of
     gravity before the rotations.
     """
     # Rotations are multiplied in pairs, as a tree, so that a long rotation takes few array operations.
@@ -284,7 +285,8 @@ def rests(
     seconds : float
         Duration of the shortest interval at rest, s.
     quiet_rate, quiet_force : float
-        A window of half a second is at rest if the range of the readings is below these, rad/s and m/s^2.
+        A window of half a second is at rest if the range of each axis is below these limits, rad/s and m/s^2, and its
+        mean specific force differs from that of both neighbouring windows by less than half of `quiet_force`.
 
     Raises
     ------
@@ -381,12 +383,13 @@ class RunTemperature:
 
 def fit_sigmas(jacobian: Array, residual: Array, parts: int = 1, interleaved: bool = False) -> Array:
     """
-    Return 1 sigma of the parameters of a least-squares fit, from the scatter of its residuals.
+    Return 1 sigma of the p parameters of a least-squares fit, shape (p,), from the scatter of its residuals.
 
-    Each interval at rest has `parts` residuals, stored next to each other (interleaved) or in `parts` blocks with one
-    residual of each interval. A slow drift of the sensor makes neighbouring residuals similar, so that fewer of them
-    are independent. The result is therefore the larger of the ordinary sigma and the sigma by Newey and West
-    (Econometrica 55, 1987), with lags up to a fifth of the intervals.
+    jacobian, shape (n, p), and residual, shape (n,), are those of the solution. Each interval at rest has `parts`
+    residuals, stored next to each other (interleaved) or in `parts` blocks with one residual of each interval. A slow
+    drift of the sensor makes neighbouring residuals similar, so that fewer of them are independent. The result is
+    therefore the larger of the ordinary sigma and the sigma by Newey and West (Econometrica 55, 1987), with lags up to
+    a fifth of the intervals.
     """
     size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     scaled = jacobian / size
@@ -412,10 +415,11 @@ def allow_for_drift(
     sigma_bias: Array, sigma_bias_per_c: Array, scatter: Array | float, span: float
 ) -> tuple[Array, Array]:
     """
-    Increase sigmas of bias and of its slope for drift.
+    Return the sigmas of bias and of its slope with temperature, both increased for drift.
 
-    Add in quadrature half the residual scatter to the bias, and twice the scatter per range to the slope. A sensor that
-    drifts while the temperature happens to rise looks like a sensor that depends on temperature.
+    Half the residual scatter is added in quadrature to the sigma of the bias, and twice the scatter divided by `span`,
+    the range of temperature, to that of the slope. A sensor that drifts while the temperature happens to rise looks
+    like a sensor that depends on temperature.
     """
     return np.hypot(sigma_bias, 0.5 * scatter), np.hypot(sigma_bias_per_c, 2.0 * scatter / span)
 

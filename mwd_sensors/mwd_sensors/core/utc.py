@@ -31,5 +31,5 @@ def moment(text: str) -> dt.datetime:
 
 
 def stamp_ns(at: dt.datetime) -> int:
-    """Return a time, in whole microseconds, as ns since 1970."""
+    """Return a time with a time zone as ns since 1970; the resolution of the type is 1 us."""
     return (at - _EPOCH) // _MICROSECOND * 1000

@@ -120,7 +120,7 @@ def samples_of(topic: str, readings: list[UnitSample], offset_ns: int = 0) -> Sa
 
 
 def readings_of(topic: str, samples: Samples) -> list[UnitSample]:
-    """Convert samples with their clip flags to readings; the inverse of `samples_of`."""
+    """Convert samples with their clip flags to readings; the inverse of `samples_of`, without the flag `FAULT`."""
     rows = np.column_stack([np.asarray(samples[field], dtype=float) for field in FIELDS[topic]]).tolist()
     status = np.zeros(len(samples), dtype=int)
     for field in FIELDS[topic]:

@@ -217,7 +217,7 @@ class SondeNode(GraphNode[SondeSettings]):
         elapsed = time.monotonic() - self._started_at
         until = elapsed * rate if rate > 0.0 else self._simulated_until + _BLOCK_S
         if rate > 0.0 and until - self._simulated_until > _MOST_BEHIND_S * max(rate, 1.0):
-            # Do not try to catch up: shift the start of the run by the backlog.
+            # Do not try to catch up: shift the start of the scenario by the backlog.
             dropped = until - self._simulated_until
             self._dropped_s += dropped / rate
             self._started_at += dropped / rate
@@ -273,7 +273,7 @@ class SondeNode(GraphNode[SondeSettings]):
         self._quill.publish(message)
 
     def _thinned(self, topic: str, samples: Samples) -> Samples:
-        """Return every n-th sample counted over the whole run, independent of the block boundaries."""
+        """Return every n-th sample counted from the start of the scenario, independent of the block boundaries."""
         if topic not in _THINNED:
             return samples
         first = -self._sample_counts[topic] % self.settings.thin
@@ -411,7 +411,11 @@ class SimulatedRigCommands:
         node.add_subscription(ControlState, "control/state", self.on_control, qos.STATE)
 
     def obey(self, message: RigCommand) -> None:
-        """Carry out a command or refuse it, and publish the acknowledgement, with the reason of a refusal."""
+        """
+        Carry out a command or refuse it, and publish the acknowledgement, with the reason of a refusal.
+
+        A repeated command (equal lease and sequence) is not acknowledged again.
+        """
         pumps = message.mode == steering.PUMP
         repeated = message.lease == self._lease and self._numbers.get(pumps) == message.sequence
         try:

@@ -79,7 +79,12 @@ class TelemetryTopics:
             self._publish_heard(sonde, heard)
 
     def drained(self, since_s: float) -> bool:
-        """Publish the rest of a run; since_s: wall time since its end, s. Return True once everything is published."""
+        """
+        Publish the signals that remain at the end of a scenario; return whether they have been published.
+
+        since_s: wall time since the end, s. The signals are published from `_WALL_S` after the end; the result is True
+        from twice that time on.
+        """
         sonde = self._sonde
         if since_s > _WALL_S and sonde is not None and sonde.link is not None:
             for heard in sonde.link.advance(sonde.duration):

@@ -175,7 +175,7 @@ def transmit(
 def siren_run(
     channel: MudChannel, sent: CarrierSent, seconds: float, seed: int, amplitude_pa: float = SIREN_PA
 ) -> LinkRun:
-    """Simulate the standpipe pressure of a channel with a siren in place of the valve; seed is that of the noise."""
+    """Return the standpipe pressure of a run with a siren in place of the valve; seed is the seed of the noise."""
     siren = dataclasses.replace(channel, valve_pa=amplitude_pa, rise_s=_SIREN_RISE_S)
     return link_run(siren, SentTransmission(sent.words, np.zeros((0, 2))), seconds, seed, sent.drive)
 

@@ -99,7 +99,7 @@ class EarthVoltage:
         return self._block * self._count / RATE_HZ
 
     def block(self) -> Array:
-        """Return the next block of voltage, V, at 250 Hz."""
+        """Return the next block of voltage, V, at 250 Hz, shape (n,)."""
         noise, count = self._channel.noise, self._count
         time = (self._block * count + np.arange(count)) / RATE_HZ
         whole = scipy.signal.oaconvolve(np.asarray(self._drive(time), dtype=float), self._taps)

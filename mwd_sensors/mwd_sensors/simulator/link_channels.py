@@ -38,9 +38,9 @@ class OnAir(NamedTuple):
     edges_s, phases, octets : tuple of float, tuple of float, bytes
         Content as in `telemetry.on_air.GroupSignal`; only the field that belongs to the link is filled.
     width_s : float
-        Duration of a pulse or symbol.
+        Duration of a pulse or symbol, s.
     frequency_hz : float
-        Carrier frequency.
+        Carrier frequency, Hz.
     """
 
     link: str
@@ -70,7 +70,7 @@ class Heard(NamedTuple):
     ----------
     link : str
     start_s, period_s : float
-        Time of the first sample, s of the run, and time between samples.
+        Time of the first sample, s of the run, and time between samples, s.
     values : ndarray, shape (n,)
         Samples in Pa or V, or bytes of type uint8.
     strokes : list of (int, float)

@@ -231,7 +231,16 @@ def parse(text: str, changes: Mapping[str, Any] | None = None) -> Scenario:
 
 
 def read(path: str | pathlib.Path, changes: Mapping[str, Any] | None = None) -> Scenario:
-    """Read a scenario from a YAML file; errors as for `parse`, with the name of the file in the message."""
+    """
+    Read a scenario from a YAML file; changes as for `parse`.
+
+    Raises
+    ------
+    SettingsError
+        The errors of `parse`, with the name of the file in the message; or the file is not UTF-8.
+    OSError
+        The file cannot be read.
+    """
     path = pathlib.Path(path)
     try:
         return parse(read_text(path, budgets.YAML), changes)

@@ -220,6 +220,11 @@ def timeline(
         Random numbers for the whirl bursts.
     toolface : float
         Angle of the string at time zero, rad.
+
+    Raises
+    ------
+    ValueError
+        A phase of drilling, sliding or circulation is not longer than the ramp of the rig.
     """
     lanes = _Lanes(bit_m, rig, toolface)
     first = True

@@ -242,6 +242,8 @@ class String:
         """
         Obey a command from the next instant on.
 
+        A command to the pumps, and a release while the top drive follows the schedule, change nothing here.
+
         Raises
         ------
         ValueError

@@ -87,6 +87,11 @@ class TelemetryLink:
         Position and axis of the sonde at a time of the run, s.
     clock : float
         Relative error of the tool's clock, positive if the clock runs fast.
+
+    Attributes
+    ----------
+    late : int
+        Number of pulses, symbol groups and frames that came too late for their channel and are lost.
     """
 
     def __init__(
