@@ -191,7 +191,11 @@ class BagFiles:
         return listed + extra, about
 
     def _of_one_storage(self, files: list[Path], stated: str) -> list[Path]:
-        """Return the files that have the stated storage, else the most frequent storage; note the files left out."""
+        """
+        Return the files that have the stated storage, else the most frequent storage; note the files left out.
+
+        Raises BagError if no file is a recording.
+        """
         found = {file: storage_of(file) for file in files}
         storages = [storage for storage in found.values() if storage]
         if not storages:
@@ -421,7 +425,11 @@ def files_of(path: Path) -> list[Path]:
 
 
 def storage_of(path: Path) -> str:
-    """Return the storage of a file ("mcap", "sqlite3", "ros1") by its first bytes, else by its name; "" if unknown."""
+    """
+    Return the storage of a file ("mcap", "sqlite3", "ros1") by its first bytes, else by its name; "" if unknown.
+
+    The storage of a compressed file (.zstd) is found by its name only.
+    """
     if path.suffix != ".zstd":
         try:
             with os.fdopen(open_regular(path), "rb") as file:

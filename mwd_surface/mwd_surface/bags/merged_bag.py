@@ -133,7 +133,8 @@ class MergedBag:
         """
         Return channel and name of a new topic.
 
-        If `name` is in use already, "processed/" is inserted before the last part of the name.
+        If `name` is in use already, "processed/" is inserted before the last part of the name. Raises DefinitionError
+        if the type is unknown.
         """
         if name in self._taken:
             head, slash, tail = name.rpartition("/")

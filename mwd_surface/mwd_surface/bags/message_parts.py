@@ -128,8 +128,8 @@ def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) 
     """
     Join and sort the pieces of each topic, and yield them as blocks.
 
-    Pieces of at least 2 `block_messages` messages are cut, at the same times in all topics, into blocks of about
-    `block_messages`; fewer messages give one block.
+    If all pieces together have at least twice `block_messages` messages, they are cut, at the same times in all topics,
+    into blocks of about `block_messages` messages; otherwise they give one block.
     """
     joined: Block = {}
     for name, parts in pieces.items():

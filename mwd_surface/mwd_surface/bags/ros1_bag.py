@@ -176,7 +176,7 @@ class _AnyReader(Reader):
         return known[header.get_uint32("conn")], entry.time, data
 
     def read_chunk(self) -> Chunk:
-        """Read the header of a chunk; its records are decompressed within the budget."""
+        """Return the chunk at the present position of the file, with a function that decompresses within the budget."""
         position = self.bio.tell() if self.bio is not None else 0
         chunk = super().read_chunk()
         compression = next(name for name, one in decompressors.items() if one is chunk.decompressor)

@@ -167,5 +167,5 @@ def listed(topics: list[TopicInfo]) -> str:
 
 @functools.lru_cache(maxsize=1)
 def ros2_types() -> Typestore:
-    """Return the types of the common packages of ROS 2, which also convert messages of ROS 1."""
+    """Return the store of the types of the common packages of ROS 2; it also converts messages of ROS 1."""
     return get_typestore(Stores.ROS2_JAZZY)

@@ -29,6 +29,7 @@ class MessageSpan:
     channels : frozenset of int, optional
         Channels with a message in the span; None if unknown.
     in_chunk : bool
+        Whether the span is a chunk.
     """
 
     start_ns: int

@@ -2,7 +2,8 @@
 """
 Decoding of the bodies of records of an MCAP file.
 
-A length read from a file is compared with the rest of the file or chunk before anything is allocated.
+A length read from a file is compared with the rest of the file or chunk before anything is allocated. Every function
+raises FormatError if a field does not fit into the body.
 """
 
 from __future__ import annotations

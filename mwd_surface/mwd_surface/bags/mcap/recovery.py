@@ -71,7 +71,7 @@ def recover(path: Path | str, output: Path | str | None = None) -> list[Recovery
 
 def recover_file(source: Path, target: Path, going_on: Callable[[], bool] = _always) -> RecoveryReport:
     """
-    Write every valid message of `source` to a new, complete file `target`.
+    Write every valid message of `source` to a new, complete file `target`; without a valid message, write no file.
 
     going_on : called between chunks; if it returns False, recovery stops and nothing is written.
 

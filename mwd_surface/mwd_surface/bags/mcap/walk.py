@@ -114,7 +114,8 @@ def walk_records(data: Bytes) -> Walk:
     """
     Find the records in a byte array, shape (n,), uint8.
 
-    The walk stops at the first record that does not fit into the array, and never raises an error.
+    The walk stops at the first record that does not fit into the array, at a message shorter than its head, or when the
+    records that are not messages exceed their budget; it never raises an error.
     """
     n, m = _count(data)
     offset, size, log_ns, publish_ns = (np.empty(n, dtype=np.int64) for _ in range(4))

@@ -313,7 +313,11 @@ class Session:
             self.disk_failed(error)
 
     def record(self, event: RecorderEvent) -> None:
-        """Record an event; events before the first message wait, because the time of the recording is not known yet."""
+        """
+        Record an event; during a pause the event is dropped.
+
+        Events before the first message wait for this message, because the time of the recording is not known yet.
+        """
         if not self.writing:
             return
         if not self._last_ns:
