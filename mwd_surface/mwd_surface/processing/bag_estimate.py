@@ -152,6 +152,11 @@ class BagEstimate:
 
         sink : called with the output of each block, in order of time, in a separate thread; an exception in `sink` ends
         the run. progress : called with the completed share, 0 to 1.
+
+        Raises
+        ------
+        ValueError
+            The samples cannot be used; OptionNeededError if options of the input solve the problem.
         """
         self._warn_of_input()
 
@@ -267,9 +272,10 @@ class BagEstimate:
 
     def _check_units(self, samples: BlockSamples) -> None:
         """
-        Check the units of the first IMU and magnetometer samples.
+        Check the units of the first IMU and magnetometer samples, unless the settings are those of the live list.
 
-        A magnetometer whose readings are implausible in every unit is not used.
+        A magnetometer whose readings are implausible in every unit is not used. Raises OptionNeededError if readings
+        look like another unit.
         """
         new = {name: samples[name] for name in self._unchecked & samples.keys()}
         self._unchecked -= new.keys()
@@ -376,7 +382,7 @@ class BagEstimate:
 
 
 def _last_log(block: Block, originals: list[Originals]) -> int:
-    """Return the log time of the last message of a block, ns."""
+    """Return the log time of the last message of a block, ns; 0 if there is no message."""
     logged = [int(part[0][-1]) for part in block.values()]
     return max(logged + [int(one.log_ns[-1]) for one in originals if len(one.log_ns)], default=0)
 

@@ -227,7 +227,11 @@ def namespace_of(bag: Bag, imu: str) -> str | None:
 
 
 def _measured(bag: Bag, names: Sequence[str]) -> list[str]:
-    """Return the topics of IMUs without those that the estimator publishes, which repeat the same samples."""
+    """
+    Return the topics of IMUs without those that the estimator publishes, which repeat the same samples.
+
+    If no other topic is left, return all topics.
+    """
     own = {f"{space}{_ORIENTED}" for space in graph_namespaces(bag)}
     return [name for name in names if name not in own] or list(names)
 
@@ -297,7 +301,8 @@ def unstamped(bag: Bag, names: Sequence[str]) -> frozenset[str]:
     """
     Return topics without times of their own: the stamps of their first messages are all zero, or all equal.
 
-    names : topics of samples, the IMU first.
+    If the IMU is such a topic, a topic with a single message belongs to them if its stamp is zero. names : topics of
+    samples, the IMU first.
     """
     fields = {layout.type_name: () for layout in (wire.IMU, wire.MAG, wire.TEMPERATURE, wire.RIG_STATE)}
     first = next(bag.blocks(names, block_messages=_LOOKED_AT, fields=fields), {})
@@ -491,7 +496,8 @@ def _imu_of(bag: Bag, accelerometer: str | None) -> str:
     """
     Return the topic of the IMU: a topic of single messages or, if the bag has none, of bursts or of vectors.
 
-    The only IMU in a bag may have any name. accelerometer : topic known to be only the accelerometer half.
+    The only IMU in a bag may have any name. accelerometer : topic known to be only the accelerometer half. Raises
+    BagError if there is no IMU, or if several topics may be the IMU.
     """
     here = [t for t in bag.topics.values() if t.type_name == wire.IMU.type_name and t.name != accelerometer]
     # Ignore topics without messages if another topic has some.
@@ -588,7 +594,8 @@ def without_gravity(samples: Samples) -> bool:
     Return whether a driver has removed gravity from the specific force.
 
     Means over at most 10 samples and 50 ms are near gravity even if the tool shakes and turns. Gravity is missing if a
-    tenth of these means are below `_LEAST_GRAVITY`, which is far below gravity in any unit.
+    tenth of these means are below `_LEAST_GRAVITY`, which is far below gravity in any unit. The result is False for
+    fewer than `_SAME_AT_LEAST` samples, and if all forces are zero.
     """
     force = samples["linear_acceleration"]
     if len(force) < _SAME_AT_LEAST or not np.any(force):

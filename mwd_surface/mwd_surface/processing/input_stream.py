@@ -71,10 +71,16 @@ class SampleStream:
     Attributes
     ----------
     names : list of str
+        Topics, each once.
     without_time : frozenset of str
         Topics whose messages carry no time of their own.
     undated : dict of str to int
         By topic: number of samples left out so far because they have no time although other samples have one.
+
+    Raises
+    ------
+    ValueError
+        The times of recording are requested, but a clock runs at another speed than the recorder's (`_clocks`).
     """
 
     def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings, held: str = "") -> None:
@@ -365,9 +371,9 @@ def offsets_of_clock(block: Block, name: str, imu: str) -> Array:
     """
     Return the recorder's clock minus the clock of a topic's stamps, for each message of a block, shape (n,), s.
 
-    The drift of the recorder's clock relative to the IMU's clock within the block is subtracted; in a run at half speed
-    the recorder's clock gains half a second per second. Offsets of different topics can then be compared although their
-    messages arrive at different times, for example when one topic has a gap.
+    The drift of the recorder's clock relative to the IMU's clock within the block is subtracted: if a simulation at
+    half the speed of real time is recorded, the recorder's clock gains half a second per second. Offsets of different
+    topics can then be compared although their messages arrive at different times, for example when one topic has a gap.
     """
     log_ns, samples = block[name]
     seconds = 1e-9 * (log_ns - block[imu][0][0])
@@ -440,8 +446,8 @@ def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.in
     Raises
     ------
     ValueError
-        A clock runs at another speed than the recorder's, because the run was faster or slower than real time. The
-        times of recording are then not the times between two samples of the tool.
+        A clock runs at another speed than the recorder's, because the simulation or replay was faster or slower than
+        real time. Differences of log times are then not the times between the samples.
     """
     layouts = (wire.IMU, wire.MAG, wire.TEMPERATURE)
     courses: dict[str, list[_Course]] = {name: [] for name in names}

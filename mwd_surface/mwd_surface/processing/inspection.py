@@ -241,7 +241,7 @@ def _processed(bag: Bag, reading: _InspectionPass) -> tuple[Summary | None, str]
 
 
 def _with_units(bag: Bag, topics: Topics, given: InputSettings) -> InputSettings:
-    """Return the settings with the units in which the first readings are plausible."""
+    """Return the settings with the units in which the first readings are plausible; units that a user gave are kept."""
     first: Block = {}
     for block in InputStream(bag, topics, given).blocks():
         first = {**block, **first}
@@ -395,7 +395,11 @@ def _missing(topics: Topics, reading: _InspectionPass, mount: Mount, reason: str
 
 
 def _day(reading: _InspectionPass, imu: str) -> str:
-    """Return the date for the field model: the given date, else that of the first sample; "" if neither is known."""
+    """
+    Return the date for the field model: the given date, else that of the first sample.
+
+    Returns "" if no model is used, or if no date is given and the clock was not set.
+    """
     place, first = reading.estimator.place, reading.times[imu].first_ns
     if not place.model or place.date or first < CLOCK_SET_NS:
         return place.date if place.model else ""

@@ -55,6 +55,9 @@ class ListBuilder:
     depth : DepthTrack
         Bit depth of the rig, as passed to `take_rig`, with the corrections of people.
     surveys : SurveyList
+        The list so far.
+    as_live : bool
+        Whether the settings are those of the live list in the recording, so that the same list must result.
     warnings : list of str
     """
 
@@ -155,7 +158,11 @@ class ListBuilder:
         return survey.record(self._frame)
 
     def _take_changes(self, until_ns: float | None) -> None:
-        """Apply the recorded depths set by hand, decisions of people and revisions from before a log time, ns."""
+        """
+        Apply the depths set by hand that were recorded before a log time, ns; None applies nothing.
+
+        With the settings of the live list, also apply the decisions of people and the revisions before this time.
+        """
         while self._changes and until_ns is not None and self._changes[0].log_ns < until_ns:
             change = self._changes.pop(0)
             if isinstance(change, DepthByHand):

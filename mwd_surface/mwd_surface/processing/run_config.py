@@ -140,7 +140,11 @@ def _dotted(table: dict[str, Any], block: str = "") -> dict[str, Any]:
 
 
 def _nested(table: dict[str, Any]) -> dict[str, Any]:
-    """Return a table with dotted names, as in ROS parameter files, as nested tables."""
+    """
+    Return a table with dotted names, as in ROS parameter files, as nested tables.
+
+    Raises SettingsError if a name is both a value and a table.
+    """
     out: dict[str, Any] = {}
     for name, value in _dotted(table).items():
         *parents, leaf = name.split(".")

@@ -43,7 +43,7 @@ class Summary:
     rows : int
         Number of IMU messages.
     start_ns, end_ns : int
-        Stamps of the first and the last IMU message.
+        Stamps of the first and the last IMU message, ns since 1970.
     rejected, gaps, without_gravity, without_azimuth : int
         Number of rows flagged as rejected, flagged as following a gap, without gravity, and without azimuth.
     disturbed : int
