@@ -28,7 +28,11 @@ class CaseError(Exception):
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """Public state that every client can read: lease in force (0: none), mode, set-points, pending request."""
+    """
+    Public state that every client can read: lease in force (0: none), mode, set-points, pending request.
+
+    sequence is the number of the set-point in force, speed in rad/s, turn in rad; pending is 0 if no request waits.
+    """
 
     lease: int
     mode: int
@@ -71,7 +75,11 @@ class Point:
 
 
 class AuthorityClient(Protocol):
-    """Client of an interface, which the authority can distinguish from all other clients."""
+    """
+    Client of an interface, which the authority can distinguish from all other clients.
+
+    Every method raises NotPossibleError if the interface cannot express the action.
+    """
 
     def ask(self, wish: Wish) -> ControlAnswer:
         """Request control, or the renewal of a lease; return the answer of the authority."""
@@ -158,7 +166,16 @@ class Bench:
         return answer
 
     def take(self, peer: AuthorityClient, **wish: object) -> int:
-        """Request control, let the person grant a pending request, and return the number of the lease."""
+        """
+        Request control, let the person grant a pending request, and return the number of the lease.
+
+        Raises
+        ------
+        CaseError
+            Control was not granted.
+        NotPossibleError
+            The request is pending, and there is no person who could grant it.
+        """
         answer = self.ask(peer, **wish)
         if answer.permission == Permission.PENDING:
             self.person.grant(answer.lease)
@@ -169,7 +186,11 @@ class Bench:
         return answer.lease
 
     def turning(self, peer: AuthorityClient, lease: int, sequence: int = 1, **point: object) -> None:
-        """Let the owner send a set-point, and check that the set-point comes into force."""
+        """
+        Let the owner send a set-point, and check that it comes into force.
+
+        Raises CaseError if another set-point or none is in force after 3 s.
+        """
         wanted = Point(**point)  # type: ignore[arg-type]
         peer.send(lease, sequence, wanted)
         if not self.until(lambda: self._in_force(lease, sequence)):
@@ -190,7 +211,7 @@ class Bench:
         return True
 
     def lives(self, peer: AuthorityClient, lease: int, seconds: float) -> None:
-        """Send heartbeats of a controller for some time, s."""
+        """Send heartbeats under a lease for `seconds`, s."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             peer.send(lease, HEARTBEAT, Point())
@@ -203,7 +224,11 @@ class Bench:
         )
 
     def reset(self) -> None:
-        """Give the rig back to the driller, the initial state of every case."""
+        """
+        Give the rig back to the driller, the initial state of every case.
+
+        Raises CaseError if a lease stays in force.
+        """
         for peer, lease in reversed(self._held):
             try:
                 peer.release(lease)

@@ -118,7 +118,11 @@ class OpcuaPeer:
         self.open()
 
     def open(self) -> None:
-        """Open a session."""
+        """
+        Open a session.
+
+        Raises ValueError if the server gives no session, or does not have the object with the methods.
+        """
         from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
         from asyncua.sync import Client
         from asyncua.ua.uaerrors import UaError
