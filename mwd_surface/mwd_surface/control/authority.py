@@ -92,6 +92,11 @@ class ControlAuthority:
         than the highest that it has received, so numbers must continue after a restart (`lease_numbers`).
     closed : str
         Reason why control is not available, with the remedy; empty: the settings decide.
+
+    Attributes
+    ----------
+    refused : int
+        Number of set-points and heartbeats that were refused, and of releases by another sender than the owner.
     """
 
     def __init__(self, settings: ControlSettings, first: int = 1, closed: str = "") -> None:
@@ -353,7 +358,11 @@ class ControlAuthority:
             self._torque_since = min(self._torque_since, now) if above else math.inf
 
     def on_mwd(self, alive: bool) -> None:
-        """Store whether attitude and toolface arrive; start the configured reaction if they stop."""
+        """
+        Store whether attitude and toolface arrive; start the configured reaction if they stop.
+
+        There is no reaction without a lease, or while the driller controls the top drive.
+        """
         with self._lock:
             lost, self._mwd_alive = self._mwd_alive and not alive, alive
             if alive and self._fault == "mwd":

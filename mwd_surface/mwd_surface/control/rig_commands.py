@@ -110,7 +110,7 @@ class RigCommands:
             self._set(self._drive, point, now + point.valid_for)
 
     def hear(self, now: float) -> None:
-        """Process a heartbeat: restart the validity of both set-points."""
+        """Process a heartbeat: restart the validity of both set-points, except of a set-point without a time limit."""
         for channel in (self._drive, self._pump):
             if channel.point is not None and math.isfinite(channel.lapses):
                 channel.lapses = now + channel.point.valid_for
@@ -136,7 +136,12 @@ class RigCommands:
         self._pump.point = None
 
     def lapse(self, now: float) -> None:
-        """End the set-points whose validity is over."""
+        """
+        End the set-points whose validity is over.
+
+        The top drive then holds the string, or is given back with the pumps if it rotates and the set-point has
+        `returns`. Pumps are given back to the driller.
+        """
         drive = self.drive
         if drive is not None and now >= self._drive.lapses:
             if drive.mode == Mode.ROTATE and drive.returns:
