@@ -65,7 +65,11 @@ def possible(readings: InterlockReadings) -> InterlockReadings:
 
 
 class StallWatch:
-    """Detector of a stall of the mud motor: a rise of the pressure above its usual value at the same flow."""
+    """
+    Detector of a stall of the mud motor: a rise of the pressure above its usual value at the same flow.
+
+    share : smallest rise that counts as a stall, as a share of the usual value.
+    """
 
     def __init__(self, share: float) -> None:
         self._share = share

@@ -418,18 +418,18 @@ _HELD_S = 2.0  # time for which a deviation must last, s
 
 class DeviationWatch:
     """
-    Comparison of the rig's readings with the set-points.
+    Comparison of the rig's readings with the set-points; speeds in rad/s, flows in m^3/s.
 
     Parameters
     ----------
     base : float
         Drilling value of the quantity that the downlink changes.
     other : float or None
-        Initial value of the quantity that the downlink does not change; None: unknown.
+        Initial value of the quantity that the downlink does not change; None: unknown, this quantity is not compared.
     margins : (float, float)
         Allowed deviation of the changed and of the unchanged quantity.
     lag_s : float
-        Longest delay with which the rig follows a set-point.
+        Longest delay with which the rig follows a set-point, s.
     """
 
     def __init__(self, base: float, other: float | None, margins: tuple[float, float], lag_s: float) -> None:

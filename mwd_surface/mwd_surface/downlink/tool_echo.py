@@ -66,8 +66,9 @@ class ToolEcho:
         """
         Return the frame with the counter to send, and whether its echo will prove that the command arrived.
 
-        last: counter sent last; 0: unknown. Without it, counters are tried backwards from the counter before that of
-        the last echo, because the surface may have sent the counters after the echo before its memory was lost.
+        last: counter sent last; 0: unknown. If `last` is unknown and an echo was received, counters are tried backwards
+        from the counter before that of the last echo, because the surface may have sent the counters after the echo
+        before its memory was lost.
         """
         known = frame_of(self.heard) if self.heard is not None else None
         if last == 0 and known is not None:
