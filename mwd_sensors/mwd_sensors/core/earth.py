@@ -244,7 +244,8 @@ def grid_convergence(lat: float, lon: float, crs: str | None = None) -> float:
     Raises
     ------
     ValueError
-        The system is unknown or not projected, the place is far outside its area, or it has no convergence there.
+        The system is unknown or not projected, or the place is far outside its area or has no convergence in the
+        system.
     """
     return map_grid(lat, lon, crs).convergence
 

@@ -221,7 +221,11 @@ def mark_clipped(samples: Samples, vector: str, axes: NDArray[np.bool_]) -> None
 
 @functools.lru_cache(maxsize=64)
 def _credible_row(covariance: bytes, widest: float) -> bool:
-    """Return whether one covariance (the bytes of its nine numbers) is credible; cached, because it rarely changes."""
+    """
+    Return whether one covariance (the bytes of its nine numbers) is credible; cached, because most streams repeat it.
+
+    widest is the largest credible sigma.
+    """
     return bool(_credible(np.frombuffer(covariance, dtype=np.float64)[None], widest)[0])
 
 

@@ -323,10 +323,10 @@ def by_turning(turn: Array) -> Array:
     """
     Return the rotation from unit to tool axes, shape (3, 3), of a unit on a rotating string.
 
-    turn, shape (3,), is the rotation vector of the string in axes of the unit, of any length; it points down-hole (see
-    `axis_down`). If it lies along an axis of the unit, the result is the preset of this axis. Otherwise the result is
-    the preset of the nearest axis, followed by the smallest rotation that makes the vector point down-hole: rotation of
-    the string does not show where the scribe line is.
+    turn, shape (3,), is the rotation vector of the string in axes of the unit, of any length except 0; it points
+    down-hole (see `axis_down`). If this vector lies along an axis of the unit (`ALONG`), the result is the preset of
+    this axis. Otherwise the result is the preset of the nearest axis, followed by the smallest rotation that makes the
+    vector point down-hole: rotation of the string does not show where the scribe line is.
     """
     axis = np.asarray(turn, dtype=float) / np.linalg.norm(turn)
     k = int(np.abs(axis).argmax())

@@ -192,7 +192,7 @@ def changed(settings: T, changes: Mapping[str, Any]) -> T:
 
 
 def unknown_key(key: str, known: Mapping[str, Any] | typing.Iterable[str], path: str) -> str:
-    """Return the message for a key that does not exist; it lists similar names, or else the names that exist."""
+    """Return the message for a key that does not exist, with similar names, or else with the names that exist."""
     names, where = list(known), f"{path}.{key}" if path else key
     near = difflib.get_close_matches(key, names, n=3, cutoff=0.5)
     # A setting that moved to another block usually keeps the last part of its name.
@@ -202,7 +202,7 @@ def unknown_key(key: str, known: Mapping[str, Any] | typing.Iterable[str], path:
 
 
 def _all_of(names: Sequence[str]) -> str:
-    """Return all names as text if they are few, otherwise the blocks of settings (first parts of the names)."""
+    """Return the names as text if there are few, otherwise the blocks of settings (first parts of the names)."""
     if len(names) <= _MOST_NAMES:
         return f"known: {', '.join(names)}"
     blocks = dict.fromkeys(name.partition(".")[0] for name in names)

@@ -404,7 +404,7 @@ class UnitClock:
         self._off = [self._off[0], *self._off[1:][-_AGREEING:]] if self._off else []
 
     def _agree(self, host_ns: int, offset: int) -> None:
-        """Record an observation and forget earlier ones that differ from it."""
+        """Record an observation, and forget earlier observations that differ from it by more than `_ALIKE_NS`."""
         self._off = [one for one in self._off if abs(one[1] - offset) <= _ALIKE_NS]
         self._off.append((host_ns, offset))
 

@@ -32,7 +32,7 @@ _TYPES = {
 
 
 class ProbeNode(GraphNode[LineSettings]):
-    """Publishes the samples of a probe; opens the line when the node becomes active, and again when it is lost."""
+    """Publishes the samples of a probe; opens the line when the node becomes active, and reopens a lost line."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("probe", LineSettings(), **node_options)

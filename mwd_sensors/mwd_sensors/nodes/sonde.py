@@ -139,7 +139,7 @@ class SondeNode(GraphNode[SondeSettings]):
         file = scenario_files.find(self.settings.scenario)
         with contents_hidden(file, "`mwd simulate`"):
             self._scenario = read(file, changes)
-        # Compile the simulator now, so that the run does not start late.
+        # Compile the simulator now, so that the scenario does not start late.
         example = Sonde(self._scenario)
         next(example.blocks(_BLOCK_S))
         self._topic_publishers = {
@@ -340,7 +340,7 @@ def main(args: Sequence[str] | None = None) -> int:
     return run_node(SondeNode, args)
 
 
-# Write the truth of a run to a small file, for scoring when the surface receives only the tool's telemetry link.
+# Write the truth of a simulation to a small file, for scoring when the surface receives only the tool's telemetry link.
 
 
 HEADER = ("stamp_ns", "inclination_rad", "azimuth_true_rad", "gravity_toolface_rad", "measured_depth_m")
@@ -348,7 +348,7 @@ HEADER = ("stamp_ns", "inclination_rad", "azimuth_true_rad", "gravity_toolface_r
 
 class TruthFile:
     """
-    CSV file of the true attitude and depth, with one row for each second of the run.
+    CSV file of the true attitude and depth, with one row for each second of the simulation.
 
     Parameters
     ----------

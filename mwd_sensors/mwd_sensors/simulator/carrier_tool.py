@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulate a tool with a carrier: after each flow-on it sends a survey once, then toolfaces repeatedly."""
+"""Simulate a tool with a carrier: after each flow-on the tool sends a survey once, then toolfaces repeatedly."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def transmit(
 def siren_run(
     channel: MudChannel, sent: CarrierSent, seconds: float, seed: int, amplitude_pa: float = SIREN_PA
 ) -> LinkRun:
-    """Return the standpipe pressure of a run with a siren in place of the valve; seed is the seed of the noise."""
+    """Simulate the standpipe pressure with a siren in place of the valve; seed is the seed of the noise."""
     siren = dataclasses.replace(channel, valve_pa=amplitude_pa, rise_s=_SIREN_RISE_S)
     return link_run(siren, SentTransmission(sent.words, np.zeros((0, 2))), seconds, seed, sent.drive)
 

@@ -156,8 +156,8 @@ class GammaDetector:
         Parameters
         ----------
         index, stamps : ndarray of int64, shape (n,)
-            Number of each output since the start of the run, and its stamp, ns. Call this method for all outputs in
-            order.
+            Number of each output since the start of the simulation, and its stamp, ns. Call this method for all
+            outputs in order.
         toolface : ndarray, shape (n,)
             Gravity toolface, rad.
         bit : ndarray, shape (n,)

@@ -48,7 +48,7 @@ class Anomaly:
     """
     Disturbance of the field at one depth.
 
-    Between two depths it is interpolated linearly; above the first and below the last depth it is constant.
+    Between two depths the field is interpolated linearly; above the first and below the last depth it is constant.
     """
 
     md_m: float = setting(doc="measured depth of the sonde", unit="m", low=-100.0, high=20000.0)
@@ -80,7 +80,7 @@ class Diurnal:
 
 @dataclasses.dataclass(frozen=True)
 class Interference:
-    """All magnetic disturbances of one run."""
+    """All magnetic disturbances of one simulation."""
 
     axial_nt: float = setting(0.0, "Field of the drill string along the tool axis.", unit="nT", low=-1e6, high=1e6)
     axial_relative: float = setting(
@@ -117,7 +117,7 @@ class Interference:
 @dataclasses.dataclass(frozen=True)
 class Disturbance:
     """
-    Magnetic disturbances of one run in SI units; the random poles of the settings (`Interference`) are drawn.
+    Magnetic disturbances of one simulation in SI units; the random poles of the settings (`Interference`) are drawn.
 
     Attributes
     ----------

@@ -80,7 +80,7 @@ def _along(tangent: Array, normal: Array, curvature: float, length: float) -> Ar
 
 @dataclasses.dataclass(frozen=True)
 class SimulatedMotion:
-    """Motion of a whole run, for which all random numbers are drawn; `at` computes it at any instant."""
+    """Motion of a whole simulation, for which all random numbers are drawn; `at` computes the motion at any instant."""
 
     path: WellPath
     timeline: Timeline

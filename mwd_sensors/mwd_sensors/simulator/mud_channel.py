@@ -70,7 +70,7 @@ class PumpStream:
         Return the flow of this pump at the next n samples, m^3/s, shape (n,).
 
         flow, shape (n,), is the mean flow at these samples as a share of the full flow; the stroke rate is proportional
-        to it.
+        to the mean flow.
         """
         pump, n = self._pump, len(flow)
         decay = math.exp(-1.0 / (self._rate * pump.hunting_s))

@@ -74,7 +74,7 @@ class Rig:
 @dataclasses.dataclass(frozen=True)
 class Timeline:
     """
-    Schedule of a run as functions of time.
+    Schedule of a simulation as functions of time.
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ class _Lanes:
         return self.bit.rate != 0.0 or self.angle.rate != 0.0
 
     def jump(self, targets: Targets) -> None:
-        """Set the profiles to their targets at once, for a run that starts in the middle of a phase."""
+        """Set the profiles to their targets at once, for a simulation that starts in the middle of a phase."""
         for name, value in targets.items():
             if name in ("bit_rate", "angle_rate"):
                 (self.bit if name == "bit_rate" else self.angle).rate = value
@@ -167,7 +167,7 @@ class _Lanes:
                 self.lanes[name].value = value
 
     def step(self, seconds: float, targets: Targets) -> None:
-        """Append a piece of a length, s, to all profiles, in which the profiles change to their targets."""
+        """Append to all profiles a piece of the given length, s, in which they change to their targets."""
         if seconds <= 0.0:
             self.jump(targets)
             return
@@ -435,7 +435,7 @@ class ProfileBuilder:
         self._starts.append(self.time)
         self._terms.append(terms)
         self.time += seconds
-        # Not sum(): from Python 3.12 on it compensates rounding, and a different last bit would give a different run.
+        # Not sum(): from Python 3.12 on it compensates rounding, and a different last bit would change the simulation.
         value = 0.0
         for term in reversed(terms):
             value = value * seconds + term

@@ -192,7 +192,7 @@ def check(command: SteeringCommand, steering: Steering) -> None:
 
 class String:
     """
-    Top drive, string and motor of one run.
+    Top drive, string and motor of one simulation.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ class String:
             # Limited by the damping, so that spring and damping torque together stay below the limit.
             yields=min(_YIELD, steering.stiffness_nm_rad / max(steering.damping_nms, 1e-9)),
         )
-        # A run that starts with rotation starts with a wound-up string.
+        # A simulation that starts with rotation starts with a wound-up string.
         start = np.zeros(1)
         speed, motor = float(timeline.angle(start)[1, 0]), float(self._motor(start)[0])
         fall = math.exp(-abs(speed) / (steering.decay_rpm * _RPM))
@@ -260,7 +260,7 @@ class String:
         state.then = RELEASE if command.returns else HOLD
 
     def prolong(self, valid_for: float) -> None:
-        """Let the command in force hold for another `valid_for`, s, from now, if it is a turn (`ORIENT`)."""
+        """Extend the validity of a turn (`ORIENT`) in force to `valid_for`, s, from now; else do nothing."""
         if self._state[0].mode == ORIENT:
             self._state[0].left = valid_for
 

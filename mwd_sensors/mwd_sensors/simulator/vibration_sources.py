@@ -149,7 +149,7 @@ def draw_hits(
     shocks: tuple[Shocks, ...], active: dict[str, list[tuple[float, float]]], rng: np.random.Generator
 ) -> Hits:
     """
-    Draw the shocks of a whole run.
+    Draw the shocks of a whole simulation.
 
     active maps each name of `WHEN` to the intervals (start, end), s, in which its envelope is constant and above 0.5.
     """

@@ -152,7 +152,9 @@ def is_channel_name(name: str) -> bool:
 
 
 def usual(words: Mapping[str, Word]) -> dict[str, LogChannel]:
-    """Return `CHANNELS`; a channel gets no word if `words` lacks its word or gives it the unit of another quantity."""
+    """
+    Return `CHANNELS`; a channel has no word if its word is missing in `words`, or has another quantity's unit there.
+    """
     found = {}
     for name, channel in CHANNELS.items():
         try:

@@ -15,7 +15,11 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 
 class Group(NamedTuple):
-    """Words sent together: kind ("survey", "toolface") and number of their sequence, position in it, and the words."""
+    """
+    Words sent together.
+
+    kind ("survey", "toolface") and number identify the sequence; place is the position of the group in the sequence.
+    """
 
     kind: str
     number: int

@@ -72,7 +72,7 @@ class Word:
         """
         Return the distance between neighbouring codes, in the unit of the word; bits = 0 uses the word's own length.
 
-        For a logarithmic word it is the largest distance, at the upper end.
+        For a logarithmic word the result is the largest distance, at the upper end.
         """
         count = self.codes(bits)
         if self.logarithmic:
@@ -119,7 +119,7 @@ class Word:
         """
         Return 1 sigma of a correctly received word, in the unit of the word.
 
-        It is sqrt(sensor^2 + step^2 / 12 + (rate age)^2): measurement, rounding, and change since the measurement.
+        The result is sqrt(sensor^2 + step^2 / 12 + (rate age)^2): measurement, rounding, and change since then.
 
         Parameters
         ----------

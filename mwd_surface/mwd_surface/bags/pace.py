@@ -57,7 +57,7 @@ class Pace:
         return self._log_ns + round((now_s - self._now_s) * self._rate * 1e9)
 
     def due_s(self, log_ns: int) -> float:
-        """Return the wall time, s, at which a log time is due: infinity while paused, in the past if it is overdue."""
+        """Return the wall time, s, at which a log time is due: infinity while paused, a past time if overdue."""
         if self._paused:
             return math.inf
         # x / inf is 0: at the rate "as fast as possible" everything is due at the start.
@@ -70,7 +70,7 @@ class Pace:
         self._rate = rate
 
     def pause(self, now_s: float) -> None:
-        """Pause the replay at the log time that it has reached."""
+        """Pause the replay at the log time that the replay has reached."""
         self.seek(self.position_ns(now_s), now_s)
         self._paused = True
 

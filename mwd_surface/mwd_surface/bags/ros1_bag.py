@@ -132,8 +132,8 @@ class _AnyReader(Reader):
         """
         Yield connection, time in ns, and the bytes of each message in order of time.
 
-        The reader of rosbags caches one chunk: if the messages of two chunks alternate, it decompresses a chunk for
-        each message. This reader keeps the last few chunks decompressed.
+        The reader of rosbags caches one chunk: if the messages of two chunks alternate, that reader decompresses a
+        chunk for each message. This reader keeps the last few chunks decompressed.
 
         Raises
         ------
@@ -209,7 +209,7 @@ class _AnyReader(Reader):
         return plain
 
     def _index_by_reading(self) -> None:
-        """Index the file by reading it chunk by chunk, up to its end or the first damage."""
+        """Index the file by reading it chunk by chunk, up to the end of the file or the first damage."""
         file: BinaryIO = self.bio  # type: ignore[assignment]
         size = self.path.stat().st_size
         file.seek(len(_MAGIC))

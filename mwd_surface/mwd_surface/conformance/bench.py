@@ -85,7 +85,7 @@ class AuthorityClient(Protocol):
         """Request control, or the renewal of a lease; return the answer of the authority."""
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
-        """Send a set-point or a heartbeat; return whether the interface reports it as accepted."""
+        """Send a set-point or a heartbeat; return whether the interface reports the message as accepted."""
 
     def release(self, lease: int) -> bool:
         """Give a lease back; return whether the authority released it."""
@@ -154,7 +154,7 @@ class Bench:
         return self.interface.peer(1)
 
     def view(self) -> View:
-        """Read the public state after waiting until it shows the last action."""
+        """Read the public state after waiting until the state shows the last action."""
         time.sleep(self.interface.lag_s)
         return self.interface.view()
 

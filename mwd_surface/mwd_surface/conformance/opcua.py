@@ -158,7 +158,7 @@ class OpcuaPeer:
         return self._variables[name]
 
     def read(self, names: tuple[str, ...]) -> list[Any]:
-        """Read the values of several variables in one request, whatever their status."""
+        """Return the values of several variables, read in one request, whatever the status of a value is."""
         from asyncua.ua.attribute_ids import AttributeIds
 
         nodes = [self.variable(name) for name in names]

@@ -183,7 +183,7 @@ class ControlAuthority:
 
     def judge(self, judgement: int, operator: str, now: float, reason: str = "", number: int = 0) -> tuple[bool, str]:
         """
-        Carry out a person's decision; return whether it was done, and a message.
+        Carry out a person's decision; return whether the decision was carried out, and a message.
 
         number: number of the request that the page showed to the person. 0 stands for the waiting request, but is not
         accepted for granting.
@@ -213,7 +213,7 @@ class ControlAuthority:
             return True, f"{pending.name} is denied"
 
     def _abort(self, operator: str, because: str) -> None:
-        """Give top drive and pumps to the driller in any state; drop a waiting request, else it would be granted."""
+        """Give top drive and pumps to the driller in any state; drop a waiting request, which would be granted next."""
         if self._pending is not None:
             self._log(f"the request of {self._pending.name} ended: {operator} took control back")
             self._pending = None
@@ -295,8 +295,8 @@ class ControlAuthority:
         """
         Process a set-point or, with sequence number 0, a heartbeat of the owner.
 
-        Return whether it was accepted, and the reason if it was refused. A refused set-point changes nothing and does
-        not count as a heartbeat, because its controller does not work properly.
+        Return whether the message was accepted, and the reason if it was refused. A refused set-point changes nothing
+        in force and does not count as a heartbeat, because its controller does not work properly.
         """
         with self._lock:
             now = self._pass(now)

@@ -233,7 +233,7 @@ class Machine:
 
     def update(self, now: float, readings: InterlockReadings, people_s: float | None = None) -> None:
         """
-        Process the readings of the rig; call at least once per second.
+        Process the readings of the rig; call this method at least once per second.
 
         people_s: time on the clock by which the permission lapses, s; by default `now`. Give it if `now` is the time of
         a rig that is simulated faster than real time.
@@ -440,7 +440,7 @@ class DeviationWatch:
 
     def take(self, now: float, asked: float, value: float | None, other: float | None) -> bool:
         """
-        Add set-point and readings at a steady time, s; return whether they have differed for 2 s.
+        Add set-point and readings at a steady time, s; return whether a reading has been outside its margin for 2 s.
 
         asked, value: set-point and reading of the quantity that the downlink changes. other: reading of the quantity
         that the downlink does not change.

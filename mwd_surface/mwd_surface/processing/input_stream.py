@@ -525,7 +525,7 @@ def _follow(courses: list[_Course], log_ns: Stamps, offset: NDArray[np.int64]) -
 
 
 def _without_delays(courses: list[_Course]) -> list[_Course]:
-    """Return the courses without those of a few messages or of a delay; join courses with nearly equal offsets."""
+    """Return the courses without those that have few messages or come from a delay; join nearly equal courses."""
     courses = [course for course in courses if course.count >= _FEW] or courses
     kept: list[_Course] = []
     for k, course in enumerate(courses):

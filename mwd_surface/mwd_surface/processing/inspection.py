@@ -118,7 +118,7 @@ class Inspection:
 @dataclasses.dataclass
 class _InspectionPass:
     """
-    One pass over the recording: how the samples were read, and the findings.
+    One reading of the whole recording: the settings with which the samples were read, and the findings.
 
     turn : axis of the IMU that points down-hole, as text, for each interval of 3 s in which the string turned. turned :
     sum of the rotation vectors in these intervals, in axes of the IMU, rad.
@@ -154,7 +154,7 @@ def inspect(
     output : Path
         Output folder to write into the command.
     progress : callable
-        Called with the completed share of a pass, 0 to 1.
+        Called with the completed share of one reading of the recording, 0 to 1; there are several readings.
     recorded : settings, optional
         Settings in the recording, which `mwd process` uses without options.
 

@@ -39,7 +39,7 @@ class Rests:
     longest_s : float
         Longest interval, s.
     hidden_s : float
-        Longest interval, s, in which the accelerometers show rest, and the gyro would too if its unit were deg/s.
+        Longest interval, s, in which the accelerometers show rest, and the gyro would show rest if its unit were deg/s.
     """
 
     def __init__(self, settings: SurveySettings) -> None:

@@ -272,7 +272,7 @@ class Session:
         self._pause_writing(RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED, reason)
 
     def _file_deleted(self) -> None:
-        """Pause because the file was deleted while it was written; its messages are lost."""
+        """Pause because the current file was deleted; the messages of this file are lost and counted."""
         path = self.writer.file.path
         self.dropped += sum(self.writer.file.counts.values())
         self.writer.give_up_file()
