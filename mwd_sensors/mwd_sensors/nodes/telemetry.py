@@ -127,9 +127,7 @@ class TelemetryTopics:
             )
 
     def diagnostics(self) -> list[Diagnostic]:
-        """
-        Return one entry, a warning if signals came too late for the channel; no entry before the simulation starts.
-        """
+        """Return one entry, a warning if signals came too late for the channel; [] before the simulation starts."""
         link = self._sonde.link if self._sonde is not None else None
         if link is None:
             return []

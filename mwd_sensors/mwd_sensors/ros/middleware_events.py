@@ -87,7 +87,11 @@ class MiddlewareEvents:
         return found + [self._named(topic) for topic in self._several if self._lasting(topic)]
 
     def _second_node(self) -> list[Diagnostic]:
-        """Return an error if another node has the same name, because both nodes then answer the same requests."""
+        """
+        Return an error if another node has had the same name for `_SAME_NAME_S`; else an empty list.
+
+        Two nodes of one name answer the same requests.
+        """
         own = f"{self._node.get_namespace().rstrip('/')}/{self._node.get_name()}"
         every = self._node.get_node_names_and_namespaces()
         count = sum(f"{space.rstrip('/')}/{name}" == own for name, space in every)

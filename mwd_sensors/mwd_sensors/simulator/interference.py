@@ -218,11 +218,19 @@ def joint_field(joints: ToolJoints, md: Array) -> Array:
 
 
 def to_tool(mat_nt: Array, vector_n: Array) -> Array:
-    """Turn vectors, (n, 3) or (3,), from NED to tool axes by mat_nt, (n, 3, 3), with the same bits on all machines."""
+    """
+    Turn vectors, (n, 3) or (3,), from NED to tool axes by mat_nt, (n, 3, 3); return shape (n, 3).
+
+    Plain sums give the same bits on all machines.
+    """
     v = vector_n.reshape(-1, 3)
     return np.asarray(mat_nt[:, 0, :] * v[:, 0:1] + mat_nt[:, 1, :] * v[:, 1:2] + mat_nt[:, 2, :] * v[:, 2:3])
 
 
 def to_tool_matrix(matrix: Array, vectors: Array) -> Array:
-    """Multiply one matrix, (3, 3), with vectors, (n, 3), by plain sums, with the same bits on all machines."""
+    """
+    Multiply one matrix, (3, 3), with each of the vectors, (n, 3); return shape (n, 3).
+
+    Plain sums give the same bits on all machines.
+    """
     return np.asarray(vectors[:, 0:1] * matrix[:, 0] + vectors[:, 1:2] * matrix[:, 1] + vectors[:, 2:3] * matrix[:, 2])

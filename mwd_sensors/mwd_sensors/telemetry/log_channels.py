@@ -152,9 +152,7 @@ def is_channel_name(name: str) -> bool:
 
 
 def usual(words: Mapping[str, Word]) -> dict[str, LogChannel]:
-    """
-    Return `CHANNELS`; a channel has no word if its word is missing in `words`, or has another quantity's unit there.
-    """
+    """Return `CHANNELS`, without the words that are missing in `words` or have another quantity's unit there."""
     found = {}
     for name, channel in CHANNELS.items():
         try:

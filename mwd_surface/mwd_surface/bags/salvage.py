@@ -173,7 +173,11 @@ class _Database:
                     yield log_ns, self.topics[topic][0], data
 
     def _rows(self, low: int, high: int) -> list[tuple[int, object, object]]:
-        """Return the rows of a range of row numbers; a range that cannot be read is split in half."""
+        """
+        Return the rows (topic number, log time, data) of a range of row numbers, both ends included.
+
+        A range that cannot be read is split in half; a single row that cannot be read is counted in `lost`.
+        """
         try:
             return self._ask(
                 "SELECT topic_id, timestamp, data FROM messages WHERE id BETWEEN ? AND ? ORDER BY id", (low, high)

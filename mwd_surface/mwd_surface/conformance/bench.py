@@ -88,7 +88,7 @@ class AuthorityClient(Protocol):
         """Send a set-point or a heartbeat; return whether the interface reports the message as accepted."""
 
     def release(self, lease: int) -> bool:
-        """Give a lease back; return whether the authority released it."""
+        """Give a lease back; return whether the authority released the lease."""
 
 
 class Interface(Protocol):
@@ -115,10 +115,10 @@ class Person(Protocol):
     """Person who decides at the rig."""
 
     def grant(self, number: int) -> bool:
-        """Grant a request; return whether the authority carried this out."""
+        """Grant the request with this number; return whether the authority granted it."""
 
     def abort(self, name: str = "conformance") -> bool:
-        """Take control back; return whether the authority carried this out."""
+        """Take control back from every controller; return whether the authority did this. name : name of the person."""
 
 
 class Bench:

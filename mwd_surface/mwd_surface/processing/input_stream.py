@@ -564,7 +564,7 @@ def _in_turns(topics: Topics) -> bool:
 
 
 def _duration(seconds: float) -> str:
-    """Return a duration as text."""
+    """Return a duration, s, as text in s, h, days or years."""
     for unit, size in (("years", 365.25 * 86400.0), ("days", 86400.0), ("h", 3600.0)):
         if seconds >= 2.0 * size:
             return f"{seconds / size:.1f} {unit}"

@@ -42,7 +42,7 @@ class OutputSettings:
 
 
 def results_in(folder: Path) -> list[Path]:
-    """Return the files in a folder that are results of a run."""
+    """Return the files in a folder, and the folder `MERGED`, that are results of `mwd process`."""
     return [folder / name for name in _RESULTS if (folder / name).is_symlink() or (folder / name).exists()]
 
 
