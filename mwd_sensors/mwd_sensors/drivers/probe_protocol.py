@@ -52,7 +52,11 @@ def sample(reading: UnitSample, counter: int, text: bool) -> bytes:
 
 
 def command(name: str, counter: int, text: bool, now_ns: int = 0) -> bytes:
-    """Encode a command of `COMMANDS`; now_ns is the host's time, which the command `time` carries."""
+    """
+    Encode a command of `COMMANDS` as a binary frame or, if text is true, as a line of text.
+
+    now_ns is the host's time, which the command `time` carries.
+    """
     if text:
         return line(name.upper(), counter, now_ns)
     return frame(COMMANDS[name], counter, struct.pack("<q", now_ns))

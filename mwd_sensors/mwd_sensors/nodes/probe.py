@@ -44,7 +44,7 @@ class ProbeNode(GraphNode[LineSettings]):
         self._trouble_before: dict[str, int] = {}
 
     def configure(self) -> None:
-        """Create publishers, service and timer; check the frame of a polled line."""
+        """Create publishers, service and timer; raise RuntimeError if the frame of a polled line is not valid."""
         try:
             polled_frame(self.settings)
         except (ValueError, OSError) as error:

@@ -76,7 +76,7 @@ LONG_QUEUE = 5000
 
 
 def offered(profile: QoSProfile) -> QoSProfile:
-    """Copy a profile for a publisher: reliable, so that best-effort and reliable subscriptions receive its messages."""
+    """Return a copy of a profile, but reliable, so that best-effort and reliable subscriptions receive its messages."""
     return QoSProfile(
         history=profile.history,
         depth=profile.depth,

@@ -111,7 +111,7 @@ def check(fault: Fault) -> None:
     ValueError
         A fault of whole messages, a fault of the temperature sensor, or a wrong unit (`in_g` and others) is given for
         one axis; a fault of `MOUNTING` is given for the temperature sensor; a wrong unit is a unit of another quantity;
-        two axes are given for a fault other than a swap; or a swap or turn has no axes.
+        two axes are given for a fault other than a swap; a swap does not have two axes; or a turn has no axis.
     """
     if fault.axis != "all" and fault.component == "temperature":
         raise ValueError(f"the temperature sensor has no axes: axis must be 'all', not {fault.axis!r}")

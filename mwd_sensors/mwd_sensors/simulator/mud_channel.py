@@ -211,7 +211,11 @@ class Pressure:
         return self._block * self._count / RATE_HZ
 
     def add_pulse(self, begin: float, end: float) -> bool:
-        """Close the valve from begin to end, s after the start; return False if begin is before `seconds`."""
+        """
+        Close the valve from begin to end, s after the start; return False if begin is before `seconds`.
+
+        The part of the pulse before `seconds` is then lost.
+        """
         self._pulses = np.vstack([self._pulses[self._pulses[:, 1] > self.seconds - 60.0], (begin, end)])
         return begin >= self.seconds
 

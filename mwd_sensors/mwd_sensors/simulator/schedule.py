@@ -399,7 +399,11 @@ class ProfileBuilder:
             self._add(seconds, [self.value, self.rate, 0.0, 0.0, 0.0, 0.0, 0.0])
 
     def to_rate(self, rate: float, seconds: float) -> None:
-        """Change the rate to a new rate within a time, s; the rate and its first two derivatives stay continuous."""
+        """
+        Change the rate to a new rate within a time, s; the rate and its first two derivatives stay continuous.
+
+        If the time is 0, the rate changes at once.
+        """
         change, s = rate - self.rate, seconds
         if change == 0.0 or s <= 0.0:
             self.hold(seconds)
@@ -420,7 +424,11 @@ class ProfileBuilder:
         self.value, self.rate = value, 0.0
 
     def follow(self, other: ProfileBuilder, factor: float = 1.0) -> None:
-        """Append the last segment of another profile to the present value; its change is multiplied by `factor`."""
+        """
+        Append the last segment of another profile, from the present value on.
+
+        factor: multiplies the segment's change.
+        """
         _, *changes = other._terms[-1]
         self._add(other.time - other._starts[-1], [self.value, *(factor * term for term in changes)])
         self.rate = factor * other.rate

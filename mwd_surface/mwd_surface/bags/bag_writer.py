@@ -296,7 +296,7 @@ class BagWriter:
         """
         Open the next file and declare every topic in it.
 
-        After a failure no file is left and the call may be repeated.
+        After an OSError no file is left and the call may be repeated.
         """
         file = self._new_file()
         try:

@@ -170,7 +170,7 @@ class Definitions:
         Raises
         ------
         DefinitionError
-            The text cannot be parsed, or contradicts a type that is known already.
+            The text cannot be parsed, or uses a type that neither the text nor `typestore` defines.
         """
         if type_name in self.typestore.fielddefs:
             return

@@ -115,7 +115,11 @@ class _AnyReader(Reader):
         self._sizes: dict[int, int] = {}
 
     def open(self) -> None:
-        """Open the file; if it has no index, build an index of the messages that are found."""
+        """
+        Open the file; if it has no index, build an index of the messages that are found.
+
+        A file without the first bytes of a ROS 1 bag raises the error of rosbags.
+        """
         try:
             super().open()
         except (ReaderError, struct.error, AssertionError, UnicodeDecodeError, ValueError):
@@ -190,7 +194,7 @@ class _AnyReader(Reader):
 
     def _unpacked(self, make: Callable[[], Any], position: int, data: bytes) -> bytes:
         """
-        Return the decompressed records of a chunk.
+        Return the decompressed records of a chunk; `make` returns a decompressor.
 
         Raises BudgetError if the records are too large, and ReaderError if they are damaged.
         """
@@ -233,7 +237,11 @@ class _AnyReader(Reader):
         self.connections = [one._replace(msgcount=len(self.indexes[one.id])) for one in self.connections]
 
     def _index_chunk(self, position: int, header: Header, length: int, indexes: dict[int, list[IndexData]]) -> None:
-        """Index the messages of a chunk; if an uncompressed chunk is cut off, the messages before the cut."""
+        """
+        Index the messages of a chunk; if an uncompressed chunk is cut off, the messages before the cut.
+
+        Raises ReaderError if the chunk is cut off, damaged or too large, or its compression is not known.
+        """
         file: BinaryIO = self.bio  # type: ignore[assignment]
         begin = file.tell()
         compression = header.get_string("compression")

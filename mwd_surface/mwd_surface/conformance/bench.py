@@ -102,7 +102,7 @@ class Interface(Protocol):
         """Return a client; the same number gives the same client."""
 
     def view(self) -> View:
-        """Read the public state."""
+        """Return the public state of the authority."""
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
         """Return the additional cases of this interface: title, expected result, and function."""
@@ -154,7 +154,7 @@ class Bench:
         return self.interface.peer(1)
 
     def view(self) -> View:
-        """Read the public state after waiting until the state shows the last action."""
+        """Return the public state of the authority."""
         time.sleep(self.interface.lag_s)
         return self.interface.view()
 

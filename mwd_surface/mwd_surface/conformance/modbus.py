@@ -72,7 +72,7 @@ class ModbusConformance:
         return self._numbers.setdefault(name, 7001 + len(self._numbers))
 
     def view(self) -> View:
-        """Read the public state."""
+        """Return the public state of the authority."""
         words = self._reader.read_input_registers(_STATE, count=22, device_id=self.unit).registers
         speed, turn = (struct.unpack(">f", struct.pack(">2H", *words[k : k + 2]))[0] for k in (14, 16))
         return View(words[2] << 16 | words[3], words[7], words[5], speed * _RPM, turn * _DEGREE, int(words[0] == 1))
@@ -140,7 +140,12 @@ class ModbusPeer:
 
 
 def block(lease: int, sequence: int, point: Point) -> list[int]:
-    """Return the register values, 16 bit each, of a command block; raise NotPossibleError for a mode above 16 bit."""
+    """
+    Return the register values, 16 bit each, of a command block.
+
+    Finite values are limited to the range of a 32-bit float. Raises NotPossibleError if the mode does not fit into 16
+    bit.
+    """
     if not 0 <= point.mode <= 0xFFFF:
         raise NotPossibleError("a mode is a register")
     values = (point.speed / _RPM, point.turn / _DEGREE, point.flow / _LITRE_PER_MINUTE, point.valid_for)

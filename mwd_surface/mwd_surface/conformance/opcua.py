@@ -57,7 +57,7 @@ class OpcuaConformance:
         return self._peers[number]
 
     def view(self) -> View:
-        """Read the public state."""
+        """Return the public state of the authority."""
         names = ("ControlLease", "SetPointMode", "SetPointSequence", "TopDriveSpeedSetPoint", "TurnSetPoint")
         lease, mode, sequence, speed, turn, pending = self._reader.read((*names, "ControlPending"))
         return View(lease, mode, sequence, speed, turn, pending)
@@ -166,11 +166,16 @@ class OpcuaPeer:
         return [one.Value.Value for one in found]
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """Call a method of the well."""
+        """Call a method of the well and return its outputs."""
         return self._well.call_method(f"{self._index}:{name}", *arguments)
 
     def ask(self, wish: Wish) -> ControlAnswer:
-        """Request control; the method has no argument for limits."""
+        """
+        Request control and return the answer.
+
+        Raises NotPossibleError if the wish has limits or a priority that is not a byte: the method has no arguments
+        for these.
+        """
         if wish.speed or wish.left_speed:
             raise NotPossibleError("a request has no such argument")
         if not 0 <= wish.priority <= 255:

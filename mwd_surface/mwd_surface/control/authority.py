@@ -142,7 +142,11 @@ class ControlAuthority:
             return self._decide(request, limits, now)
 
     def _renew(self, owner: _Lease, request: ControlRequest, limits: LeaseLimits, now: float) -> ControlDecision:
-        """Prolong a lease; refuse a request for more than was granted."""
+        """
+        Prolong a lease and return the decision.
+
+        A request for wider limits, a higher priority or a later end than granted is denied.
+        """
         beyond = limits.beyond(owner.limits)
         if request.priority > owner.request.priority:
             beyond.append("priority")
@@ -380,7 +384,11 @@ class ControlAuthority:
     # Periodic update and expiry.
 
     def update(self, now: float) -> list[SetPoint]:
-        """Advance the time and return the commands that are due to the rig; called about ten times per second."""
+        """
+        Advance the time and return the commands that are due to the rig; called about ten times per second.
+
+        If requests are granted automatically and no lease is held, a waiting request is granted first.
+        """
         with self._lock:
             now = self._pass(now)
             if self._lease is None and self._pending is not None and self.settings.grant == "automatic":
@@ -392,7 +400,8 @@ class ControlAuthority:
         """
         End leases, requests and set-points that have expired by `now`.
 
-        Return the time in force, s, which goes back only if `now` goes back by more than a second.
+        If `now` goes back by more than a second, a lease and a waiting request end too. Return the time in force, s,
+        which goes back only in that case.
         """
         if now < self._now - _CLOCK_BACK:
             # After the clock has gone back, the remaining durations are unknown: end lease and request.

@@ -152,7 +152,12 @@ class RigCommands:
             self.stop_pump()
 
     def due(self, lease: int, sequence: int, now: float) -> list[SetPoint]:
-        """Return the commands to send to the rig now; sequence: number of the controller's set-point in force."""
+        """
+        Return the commands to send to the rig now; sequence: number of the controller's set-point in force.
+
+        A command is sent if it has changed, and repeated every `_REFRESH`. When the lease ends, one command RELEASE is
+        sent alone.
+        """
         if self._release_due:
             self._release_due = False
             return [SetPoint(Mode.RELEASE, lease, self._number(sequence), valid_for=RIG_TIMEOUT)]

@@ -182,7 +182,9 @@ class Machine:
 
     def submit(self, by: str, now: float, number: int = 0) -> str:
         """
-        Ask for permission to send the draft; number: number of the draft, 0: the present draft.
+        Ask for permission to send the draft; return the reason of the new state as text.
+
+        number: number of the draft, 0: the present draft.
 
         Raises
         ------
@@ -195,7 +197,7 @@ class Machine:
 
     def decide(self, granted: bool, by: str, now: float, number: int = 0) -> str:
         """
-        Grant or deny the request.
+        Grant or deny the request; return the reason of the new state as text.
 
         number: number of the request that the page showed to the person. 0 stands for the present request, but is not
         accepted for granting.
@@ -216,7 +218,9 @@ class Machine:
 
     def abort(self, reason: str, by: str, now: float) -> str:
         """
-        End the downlink under way, at any time; the rig returns to the driller's settings.
+        End the downlink under way, at any time; return the reason as text.
+
+        The rig returns to the driller's settings.
 
         Raises
         ------

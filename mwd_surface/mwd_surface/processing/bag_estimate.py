@@ -239,7 +239,12 @@ class BagEstimate:
                 yield from self._asked(request)
 
     def _asked(self, request: RecordedRequest) -> Iterator[_Result]:
-        """Apply a request of the recording to the pipeline, and yield the output that results."""
+        """
+        Apply a request of the recording to the pipeline, and yield the output, if any, that results.
+
+        A request that cannot be applied becomes a warning. After a request that restarts the estimate, kept samples
+        other than IMU samples are pushed again if they are later than the request.
+        """
         try:
             output = request.apply(self._pipeline)
         except ValueError as error:
@@ -508,8 +513,8 @@ def ahead(items: Iterable[T], depth: int = _DEPTH) -> Iterator[Iterator[T]]:
     """
     Yield an iterator of the items, which a thread computes at most `depth` items before they are used.
 
-    An exception in `items` is raised where the next item would have been used. When the block ends, early or not, the
-    thread finishes the current item, closes `items` if it is a generator, and ends.
+    An exception in `items` is raised where the next item would have been used. When the `with` block ends, early or
+    not, the thread finishes the current item, closes `items` if it is a generator, and ends.
     """
     # Entries are (item,), an exception, or None at the end.
     ready: queue.Queue[tuple[T] | BaseException | None] = queue.Queue(depth)

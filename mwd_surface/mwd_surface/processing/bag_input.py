@@ -187,7 +187,8 @@ def _use_first_frames(bag: Bag, names: Sequence[str]) -> None:
     """
     Use only the first frame of each topic whose messages alternate between frames, as the live estimator does.
 
-    The other frames belong to a second unit.
+    The other frames belong to a second unit. Messages alternate if the frame changes `_IN_TURNS` times or more among
+    the first messages, about `_LOOKED_AT` of all topics together.
     """
     seen: dict[str, list[str]] = {name: [] for name in names if bag.topics[name].type_name != burst.TYPE_NAME}
     for count, (_, name, _, data) in enumerate(bag.messages(list(seen)) if seen else ()):
@@ -405,7 +406,11 @@ def tool_frame(bag: Bag, topics: Topics, mount: Mount) -> str:
 
 
 def frame_names(bag: Bag, topics: list[str]) -> dict[str, str]:
-    """Return the frame in the first messages of each topic; topics without a frame are left out."""
+    """
+    Return, by topic, the frame in the first message that has one; topics without a frame are left out.
+
+    Only the first messages of all topics together, about `_LOOKED_AT`, are read.
+    """
     found: dict[str, str] = {}
     for count, (_, name, _, data) in enumerate(bag.messages(topics)):
         with contextlib.suppress(wire.WireError):

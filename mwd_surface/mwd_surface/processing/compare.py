@@ -199,9 +199,9 @@ def _stations(
     ours: list[dict[str, str]], expected: list[dict[str, str]]
 ) -> tuple[list[StationDifference], list[str], list[str]]:
     """
-    Pair the stations by nearest time, each station in one pair at most.
+    Pair the stations by nearest time, within 2 s, each station in one pair at most.
 
-    Return pairs, missing and additional stations.
+    Return pairs, names of missing stations and names of additional stations.
     """
     left = list(ours)
     pairs, missing = [], []

@@ -146,7 +146,7 @@ class SampleStream:
         return log_ns[dated], samples[dated]
 
     def _once(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Leave out repeated samples, as from a second publisher, by the rule of the live estimator."""
+        """Return log times and samples without repeated samples, as from a second publisher, as the live estimator."""
         if name not in self._repeated:
             return log_ns, samples
         return self._repeated[name].take(log_ns, samples, stamped=name not in self.without_time)
@@ -525,7 +525,12 @@ def _follow(courses: list[_Course], log_ns: Stamps, offset: NDArray[np.int64]) -
 
 
 def _without_delays(courses: list[_Course]) -> list[_Course]:
-    """Return the courses without those that have few messages or come from a delay; join nearly equal courses."""
+    """
+    Return the courses without those that have few messages or come from a delay; join nearly equal courses.
+
+    If all courses have few messages, none is left out for that. A course comes from a delay if it is short, no set
+    clock began it, and its least offset is above that of the courses before and after.
+    """
     courses = [course for course in courses if course.count >= _FEW] or courses
     kept: list[_Course] = []
     for k, course in enumerate(courses):

@@ -307,14 +307,14 @@ def _read(
 
 
 def _expect(state: monitor.MonitorState, estimator: EstimatorSettings, first_ns: int) -> None:
-    """Give the checks the reference gravity and magnetic field of the place."""
+    """Give the checks the reference gravity and magnetic field of the place, if `reference_of` returns them."""
     reference = reference_of(estimator, first_ns)
     if reference is not None:
         monitor.set_reference(state, reference.gravity, reference.total, reference.dip)
 
 
 def _note_turns(reading: _InspectionPass, imu: Samples) -> None:
-    """Note the axis of the unit that points down-hole, for each interval of 3 s in which the string turned."""
+    """Note the axis of the unit that points down-hole, for each 3 s whose mean turn rate exceeds `TURNING`."""
     stamps, gyro = imu["stamp_ns"], np.nan_to_num(imu["angular_velocity"])
     dt = np.clip(np.diff(stamps, prepend=stamps[:1]) * 1e-9, 0.0, 0.25)
     part = (stamps - stamps[0]) // (3 * wire.NANOSECONDS)

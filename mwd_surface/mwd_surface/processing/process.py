@@ -116,7 +116,7 @@ def _processed(
     wanted: OutputSettings,
     recorded: Recorded | None,
 ) -> Summary:
-    """Process a bag with these settings and write the results to `folder`."""
+    """Process a bag with these settings, write the results to `folder`, and return their summary."""
     with drafts(folder) as draft:
         with destination(draft, bag, wanted, given) as (sink, merger):
             run = _run_of(bag, estimator, given, compensation, wanted.smooth, merger, recorded)

@@ -112,10 +112,13 @@ def read_config(path: Path) -> dict[str, Any]:
     """
     Return the settings in a YAML file, in the form of config.yaml or of a ROS parameter file for the estimator node.
 
+    The settings are nested tables, empty for an empty file. Of a parameter file, the first node with parameters is
+    used.
+
     Raises
     ------
     SettingsError
-        The file is not YAML, or not a table.
+        The file is not YAML, is not a table, or gives a name both a value and a table.
     OSError
         The file cannot be read.
     """

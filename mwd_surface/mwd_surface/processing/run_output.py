@@ -51,10 +51,10 @@ def drafts(folder: Path) -> Iterator[Path]:
     """
     Yield a temporary folder next to `folder` for results.
 
-    The results are moved to `folder` if the block ends normally, and deleted otherwise.
+    The results are moved to `folder` if the `with` block ends normally, and deleted otherwise.
 
-    Results of an earlier run in `folder` are deleted in every format, so that the folder never mixes two runs; other
-    files stay.
+    Earlier results in `folder` are deleted in every format, so that the folder never mixes the results of two calls of
+    `mwd process`; other files stay.
 
     Raises
     ------

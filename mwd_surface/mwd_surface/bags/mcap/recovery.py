@@ -43,7 +43,7 @@ def _always() -> bool:
 
 def recover(path: Path | str, output: Path | str | None = None) -> list[RecoveryReport]:
     """
-    Recover a file or every file of a bag.
+    Recover a file or every file of a bag; return one report per file.
 
     A single file is left unchanged, and its valid content is written to `output` (by default ``<name>.recovered.mcap``
     in the same folder). In a bag's folder the recovered file takes the name of the damaged file, which is kept with

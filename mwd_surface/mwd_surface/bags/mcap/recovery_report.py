@@ -119,7 +119,7 @@ class Tally:
     times: list[int] = dataclasses.field(default_factory=list)
 
     def add(self, piece: Chunk | Bare | Other | Damage) -> None:
-        """Count a piece."""
+        """Add the messages, times and damage of a piece of the file to the report."""
         if isinstance(piece, Damage):
             self.damages += 1
             self.lost_bytes += piece.end - piece.offset
