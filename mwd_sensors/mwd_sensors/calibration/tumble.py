@@ -330,7 +330,7 @@ class RunTemperature:
     Attributes
     ----------
     reference_c, span : float
-        Mean and range, degC.
+        Mean and range, degC; the range is 1 if it is too small (`varied`).
     warm : ndarray, shape (m,)
         Temperature above the reference divided by the range, so that all parameters of a fit have similar size.
     varied : bool
@@ -344,7 +344,7 @@ class RunTemperature:
 
     @classmethod
     def of(cls, celsius: Array) -> RunTemperature:
-        """Compute reference and range from temperatures, shape (m,), degC."""
+        """Return reference and range of temperatures, shape (m,), degC; `varied` is True above a range of 1 degC."""
         reference, varied = float(celsius.mean()), bool(np.ptp(celsius) > 1.0)
         span = float(np.ptp(celsius)) if varied else 1.0
         return cls(reference, span, (celsius - reference) / span, varied)

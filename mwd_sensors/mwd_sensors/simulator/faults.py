@@ -337,7 +337,7 @@ def carry(state: LinkState, samples: Samples, t: NDArray[np.float64]) -> tuple[S
 
 
 def jumped(link: MessageFaults, stamp_ns: NDArray[np.int64], t: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Add the jump of the clock to stamps, ns, shape (n,); t, shape (n,), is the simulation time, s."""
+    """Return stamps, ns, shape (n,), with the jump of the clock added; t, shape (n,), is the simulation time, s."""
     if not link.clock_jump_s:
         return stamp_ns
     jump = np.int64(round(link.clock_jump_s * 1e9))

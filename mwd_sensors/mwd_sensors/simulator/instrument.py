@@ -146,7 +146,7 @@ def accelerometer_triad(a: AccelerometerGrade, rng: np.random.Generator) -> Tria
 
 
 def magnetometer_triad(m: MagnetometerGrade, rng: np.random.Generator) -> Triad:
-    """Draw the errors of a magnetometer triad of a grade at random, T; `noise` is 1 sigma of one sample, T."""
+    """Return a magnetometer triad of a grade with random errors, T; `noise` is 1 sigma of one sample, T."""
     return Triad(
         matrix=_matrix(m.scale_ppm, m.misalignment_mrad, rng),
         bias=m.bias_nt * 1e-9 * rng.standard_normal(3),

@@ -200,7 +200,8 @@ def pole_field(position_n: Array, poles_n: Array, strength: Array) -> Array:
     """
     Return the field of magnetic poles, T, shape (n, 3): the sum of strength r / (4 pi |r|^3).
 
-    position_n, shape (n, 3), and poles_n, shape (p, 3), are in m, strength, shape (p,), in Wb.
+    position_n, shape (n, 3), and poles_n, shape (p, 3), are in m, strength, shape (p,), in Wb. |r| is at least
+    `_CLOSEST`.
     """
     field = np.zeros((len(position_n), 3))
     for pole, flux in zip(poles_n, strength, strict=True):

@@ -249,7 +249,11 @@ def read(path: str | pathlib.Path, changes: Mapping[str, Any] | None = None) -> 
 
 
 def _with_missing_code(given: dict[str, Any]) -> dict[str, Any]:
-    """Set `missing_code` of the tool unless the scenario sets it, so that the tool reports missing values."""
+    """
+    Return the settings with `missing_code` of the tool true, unless the settings set it.
+
+    The tool then reports missing values.
+    """
     telemetry = given.get("telemetry")
     if not isinstance(telemetry, Mapping) or not isinstance(telemetry.get("tool", {}), Mapping):
         return given

@@ -414,7 +414,7 @@ class ProfileBuilder:
         self.rate = rate
 
     def to_value(self, value: float, seconds: float) -> None:
-        """Change the value to a new value within a time, s, starting and ending at rest."""
+        """Change the value to a new value within a time, s; the rate is 0 at the beginning and at the end."""
         change, s = value - self.value, seconds
         if change == 0.0:
             self.rate = 0.0

@@ -299,7 +299,7 @@ class String:
         return turn, drive
 
     def _motor(self, t: Array) -> Array:
-        """Return the reactive torque, N m, shape (n,)."""
+        """Return the reactive torque of the motor, N m, at times t, s, shape (n,)."""
         item, line = self.steering, self._timeline
         working = line.weight(t)[0] / self._full_weight * (line.flow(t)[0] > 0.0)
         waves = np.cos(2.0 * math.pi * self._frequency[:, None] * t + self._phase[:, None]).sum(axis=0)

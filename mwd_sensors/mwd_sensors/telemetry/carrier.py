@@ -198,7 +198,7 @@ def blocks_of(items: tuple[SequenceItem, ...], capacity: int) -> tuple[tuple[Seq
 
 
 def packed(codes: Sequence[int], lengths: Sequence[int], capacity: int) -> bytes:
-    """Concatenate codes, most significant bit first, and fill up with zeros to `capacity` bits."""
+    """Return the codes one after another, most significant bit first, with zeros at the end, `capacity` bits in all."""
     whole = 0
     for code, length in zip(codes, lengths, strict=True):
         whole = whole << length | code

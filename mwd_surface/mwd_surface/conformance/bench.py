@@ -159,7 +159,11 @@ class Bench:
         return self.interface.view()
 
     def ask(self, peer: AuthorityClient, **wish: object) -> ControlAnswer:
-        """Request control; the person at the rig does not grant a pending request."""
+        """
+        Request control and return the answer; the person at the rig does not grant a pending request.
+
+        The lease of the answer is given back at the next `reset`.
+        """
         answer = peer.ask(Wish(**wish))  # type: ignore[arg-type]
         if answer.lease:
             self._held.append((peer, answer.lease))

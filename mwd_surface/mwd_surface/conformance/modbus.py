@@ -105,9 +105,14 @@ class ModbusPeer:
 
     def ask(self, wish: Wish) -> ControlAnswer:
         """
-        Request control; a Modbus request has no limits, cannot wait, and has a duration in whole seconds.
+        Request control and return the answer.
 
-        Raises CaseError if the server answers the request of another controller.
+        Raises
+        ------
+        NotPossibleError
+            The wish has limits or waits, or its duration, in whole seconds, does not fit into a register.
+        CaseError
+            The server answers the request of another controller.
         """
         if wish.wait or wish.speed or wish.left_speed:
             raise NotPossibleError("a request has no such field")

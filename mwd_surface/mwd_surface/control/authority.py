@@ -124,7 +124,11 @@ class ControlAuthority:
     # Requests and decisions.
 
     def request(self, request: ControlRequest, now: float) -> ControlDecision:
-        """Decide on a request for control; a new request of the owner prolongs its lease within the granted limits."""
+        """
+        Return the decision on a request for control.
+
+        A new request of the owner prolongs the owner's lease within what was granted.
+        """
         with self._lock:
             now = self._pass(now)
             try:
@@ -189,8 +193,8 @@ class ControlAuthority:
         """
         Carry out a person's decision; return whether the decision was carried out, and a message.
 
-        number: number of the request that the page showed to the person. 0 stands for the waiting request, but is not
-        accepted for granting.
+        operator: name of the person, required except to abort. number: number of the request that the page showed to
+        the person. 0 stands for the waiting request, but is not accepted for granting.
         """
         with self._lock:
             now = self._pass(now)

@@ -129,7 +129,11 @@ class RigCommands:
         self._drive.point = self._pump.point = None
 
     def stop_pump(self) -> None:
-        """Give the pumps back to the driller."""
+        """
+        Give the pumps back to the driller.
+
+        If no set-point of the top drive is in force, give the top drive back too.
+        """
         if self.drive is None:
             self.let_go()
         # The rig ends the commanded flow by itself when the command is no longer repeated.

@@ -453,7 +453,7 @@ class UsedSamples:
         """
         Add a count that the live estimator published.
 
-        If the first stamp changes or the number of samples falls, another run of the estimator has begun.
+        If the first stamp changes or the number of samples falls, the estimator was restarted.
         """
         runs = self._counts.setdefault(topic, [])
         if runs and used >= runs[-1].used and first_ns == runs[-1].first_ns:
@@ -462,7 +462,11 @@ class UsedSamples:
             runs.append(_Count(first_ns, last_ns, used))
 
     def take(self, samples: Mapping[str | None, Samples]) -> None:
-        """Count samples of the recording; `samples` is by topic."""
+        """
+        Count the samples of the recording between the first and the last stamp of each count of the estimator.
+
+        samples : samples by topic.
+        """
         for topic, part in samples.items():
             stamps = part["stamp_ns"]
             for run in self._counts.get(self._singles.get(topic or "", topic or ""), ()):

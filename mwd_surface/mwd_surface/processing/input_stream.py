@@ -559,7 +559,7 @@ def _knots(courses: list[_Course]) -> tuple[Stamps, NDArray[np.int64]]:
 
 
 def _comes_empty(bag: Bag, mag: str) -> bool:
-    """Return whether messages of zeros occur among the readings of a magnetometer."""
+    """Return whether messages of zeros occur among the first 2000 readings of a magnetometer."""
     block: Block = next(bag.blocks([mag], block_messages=2000, fields={wire.MAG.type_name: ("magnetic_field",)}), {})
     return mag in block and among_readings(~(block[mag][1]["magnetic_field"] != 0.0).any(axis=1))
 

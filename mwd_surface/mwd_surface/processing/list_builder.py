@@ -183,7 +183,9 @@ class ListBuilder:
 
     def _revise(self, survey: DecidedSurvey) -> None:
         """
-        Apply the revised value of a survey from the whole run.
+        Apply the revised value of a survey, which the estimator gives at the end of the recording.
+
+        A survey that is not in the list is ignored.
 
         With the settings of the live list, only a withdrawal that is not among the recorded revisions is applied.
         """

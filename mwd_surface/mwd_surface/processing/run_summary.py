@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Result of an offline run: counts, surveys, faults, and the warnings that follow from them."""
+"""Summary of the processing of a bag: counts, surveys, faults, and the warnings that follow from them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ TOOL_ASSUMED = (
 @dataclasses.dataclass
 class Summary:
     """
-    Result of a run over a bag.
+    Summary of the processing of a bag.
 
     Attributes
     ----------

@@ -126,7 +126,11 @@ def walk_records(data: Bytes) -> Walk:
 
 
 def _possible(walk: Walk) -> Walk:
-    """Leave out and count messages with an impossible log time: one flipped bit must not lose the other messages."""
+    """
+    Return the walk without the messages that have an impossible (negative) log time; `impossible` is their number.
+
+    One flipped bit must not lose the other messages.
+    """
     possible = walk.log_ns >= 0
     if possible.all():
         return walk
