@@ -408,7 +408,11 @@ class Master:
         return self.frame.polls[self._turn]
 
     def take(self, data: bytes, now_s: float) -> list[ReplyValues]:
-        """Accept bytes from the line; return the values of the reply that `data` completes, or an empty list."""
+        """
+        Accept bytes from the line; return the values of the reply that `data` completes, or an empty list.
+
+        A refusal of the unit, and bytes that come without a request, are noted in `trouble`.
+        """
         if not data:
             return []
         if not self._sent:

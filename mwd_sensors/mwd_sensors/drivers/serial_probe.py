@@ -283,7 +283,11 @@ class SerialProbe:
         self.failure = f"{self._settings.port} was lost: {error.strerror or error}"
 
     def _exchange(self, now_ns: int) -> None:
-        """Request the unit's time. Repeat the start command if no samples arrived: the unit may have lost power."""
+        """
+        Request the unit's time, except from an Xsens unit.
+
+        Repeat the start command if no samples arrived since the last call: the unit may have lost power.
+        """
         silent, self._received_before = self.received == self._received_before, self.received
         if silent and self._wanted:
             self._ask_for_samples()

@@ -128,7 +128,11 @@ class ProbeNode(GraphNode[LineSettings]):
         return Diagnostic("line", OK, f"{new} samples in the last second", values=values)
 
     def _polled_diagnostic(self, master: Master, new: int, values: tuple[tuple[str, str], ...]) -> Diagnostic:
-        """Return the state of a polled line: for each kind of error, the number of errors in the last second."""
+        """
+        Return the state of a polled line: for each kind of error, the number of errors in the last second.
+
+        new : number of samples in the last second. values : further values of the entry.
+        """
         before, self._trouble_before = self._trouble_before, dict(master.trouble)
         fresh = {words: count - before.get(words, 0) for words, count in master.trouble.items()}
         said = "; ".join(f"{count} times {words}" for words, count in fresh.items() if count > 0)

@@ -134,7 +134,7 @@ class SondeNode(GraphNode[SondeSettings]):
         self._finished = False
 
     def configure(self) -> None:
-        """Read the scenario and create the topics."""
+        """Read the scenario and create topics, service and timer; raise SettingsError if the file is not valid."""
         changes = {} if self.settings.seed < 0 else {"seed": self.settings.seed}
         file = scenario_files.find(self.settings.scenario)
         with contents_hidden(file, "`mwd simulate`"):

@@ -167,7 +167,11 @@ class _Lanes:
                 self.lanes[name].value = value
 
     def step(self, seconds: float, targets: Targets) -> None:
-        """Append to all profiles a piece of the given length, s, in which they change to their targets."""
+        """
+        Append to all profiles a piece of the given length, s, in which the profiles change to their targets.
+
+        If the length is 0, the profiles change at once (`jump`).
+        """
         if seconds <= 0.0:
             self.jump(targets)
             return

@@ -265,7 +265,11 @@ class BagFiles:
             self.notes.append("messages are compressed one by one: read slowly")
 
     def _join_topics(self, file: McapFile, contents: Contents) -> set[int]:
-        """Add the channels of an MCAP file to the topics; return the numbers of the channels that cannot be read."""
+        """
+        Add the channels of an MCAP file to the topics; return the numbers of the channels that cannot be read.
+
+        A channel whose topic is known with another type or problem is noted and left out.
+        """
         # Test the encoding of a topic only in the first file with its messages, so that a day in a hundred files opens
         # as fast as a single file.
         fresh = {number for number, one in contents.channels.items() if one.topic not in self._probed}

@@ -156,7 +156,11 @@ class _Database:
             pass
 
     def messages(self) -> Iterator[tuple[int, str, bytes]]:
-        """Yield the log time, topic and bytes of each message whose row can be read."""
+        """
+        Yield the log time, ns, topic and bytes of each message whose row can be read.
+
+        The search ends after more than `_BARREN` successive ranges of row numbers without a row.
+        """
         self.lost = barren = 0
         most = self._bytes // 16
         for begin in itertools.count(1, _STEP):

@@ -229,7 +229,7 @@ class ControlAuthority:
             self._end_lease(f"{operator} took control back{because}", Reaction.RELEASE)
 
     def release(self, lease: int, now: float, sender: Sender, reason: str = "") -> tuple[bool, str]:
-        """Give back a lease, or withdraw a pending request, of this sender; return success and a message."""
+        """Give back a lease, or withdraw a request, of this sender; return whether this was done, and a message."""
         with self._lock:
             self._pass(now)
             because = f": {reason}" if reason else ""

@@ -318,7 +318,12 @@ class Machine:
         return min(max(now - self._started, 0.0), self.programme.duration_s)
 
     def _before(self, now: float, readings: InterlockReadings) -> None:
-        """Wait for the interlocks, then for a steady flow or speed, which the tool uses as the reference level."""
+        """
+        Wait for the interlocks, then for a steady flow or speed, and start the command.
+
+        The tool uses the steady value as the reference level. If waiting takes longer than `PERMISSION_S`, the
+        permission lapses.
+        """
         if self._waited > PERMISSION_S:
             self._go(DownlinkState.LAPSED, f"the permission has lapsed after {PERMISSION_S:.0f} s", "", now)
             return

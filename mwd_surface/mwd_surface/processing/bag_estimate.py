@@ -302,7 +302,11 @@ class BagEstimate:
             self._summary.warnings += [text for text in said if text not in self._summary.warnings]
 
     def _leave_out_skewed(self, samples: BlockSamples, block: Block) -> None:
-        """Leave out sensors whose stamps come from another clock than the IMU's, judged by the log times."""
+        """
+        Leave out sensors whose clock differs from the IMU's by more than `_SKEW_S`, judged by the log times.
+
+        A warning names the sensors left out.
+        """
         topics = self.topics
         if topics.imu not in samples or topics.imu in self._stream.without_time:
             return

@@ -137,7 +137,7 @@ class Summary:
 
 
 def hindrance(pipeline: Pipeline, summary: Summary) -> str:
-    """Return the most frequent reason why the estimator took no survey, as text."""
+    """Return why the estimator took no survey, as text; of several reasons, the most frequent."""
     settings, found = pipeline.settings.survey, pipeline.still.hindrances
     needed = settings.settle_s + settings.duration_s
     if not settings.automatic:

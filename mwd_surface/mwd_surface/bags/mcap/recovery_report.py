@@ -77,7 +77,11 @@ class RecoveryReport:
 
 
 def check(path: Path) -> RecoveryReport:
-    """Read a whole file, compare its checksums, positions and counts, and report the faults. Raises OSError only."""
+    """
+    Return a report on a whole file, with the faults of its checksums, positions and counts.
+
+    Raises OSError if the file cannot be read; damage raises no error.
+    """
     try:
         file = McapFile(path)
     except FormatError as error:

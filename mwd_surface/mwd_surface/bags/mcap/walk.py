@@ -112,7 +112,7 @@ def _count(data: Any) -> tuple[int, int]:
 
 def walk_records(data: Bytes) -> Walk:
     """
-    Find the records in a byte array, shape (n,), uint8.
+    Return the records in a byte array, shape (n,), uint8.
 
     The walk stops at the first record that does not fit into the array, at a message shorter than its head, or when the
     records that are not messages exceed their budget; it never raises an error.
@@ -138,7 +138,7 @@ def _possible(walk: Walk) -> Walk:
 
 
 def walk_plain(data: Bytes) -> Walk:
-    """Find the records like `walk_records`, but without a compiled loop; for short arrays."""
+    """Return the records like `walk_records`, but without a compiled loop; for short arrays."""
     view, end, at = data.tobytes(), len(data), 0
     rows: list[tuple[int, int, int, int, int]] = []
     others: list[int] = []

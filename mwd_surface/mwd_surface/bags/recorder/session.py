@@ -121,7 +121,7 @@ class Session:
         self._put_tables()
 
     def take(self, item: QueuedMessage) -> None:
-        """Write a message; a message that cannot be written is counted and reported."""
+        """Write a message; a message that cannot be written is counted and reported, in a pause only counted."""
         if not self.writing:
             self.dropped += 1
             return
