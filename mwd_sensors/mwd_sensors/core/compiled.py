@@ -53,7 +53,11 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
                 numba.config.CACHE_DIR = before
 
     def compile(self, sig: Any) -> Any:
-        """Return the machine code for argument types, from the cache if another process has compiled it."""
+        """
+        Return the machine code for argument types, from the cache if another process has compiled it.
+
+        A cache that names types that no longer exist is deleted, and the kernel is compiled again.
+        """
         with self._alone():
             try:
                 return super().compile(sig)

@@ -46,7 +46,7 @@ class MiddlewareEvents:
         self._twice_since: float | None = None
 
     def of_subscription(self, topic: str, qos: QoSProfile) -> SubscriptionEventCallbacks:
-        """Return the event callbacks of a subscription."""
+        """Return the callbacks that note an incompatible profile and several publishers of a subscription."""
 
         def matched(event: Any) -> None:
             # Topics outside the well, such as /diagnostics, have many publishers.

@@ -239,7 +239,7 @@ def symbols(carrier: Carrier, bits: Indices) -> Complex:
 
 
 def mapped(carrier: Carrier, sent: Indices) -> Complex:
-    """Return the symbols of interleaved coded bits, shape (block_symbols,)."""
+    """Return the symbols of a block, shape (block_symbols,): the marker and interleaved coded bits `sent`, 0 or 1."""
     out = np.empty(carrier.block_symbols, dtype=complex)
     first = carrier.half
     out[first : first + MARKER_SYMBOLS] = marker()

@@ -61,11 +61,11 @@ class Word:
         return self.unit == "deg" and self.high - self.low == 360.0 if self.wraps is None else self.wraps
 
     def missing(self, bits: int = 0) -> int | None:
-        """Return the code that means "no measurement"; None if the word has no such code."""
+        """Return the code that means "no measurement"; None if the word has no such code. `bits` as in `sigma_of`."""
         return (1 << (bits or self.bits)) - 1 if self.reserved else None
 
     def codes(self, bits: int = 0) -> int:
-        """Return the number of codes that represent values."""
+        """Return the number of codes that represent values; `bits` as in `sigma_of`."""
         return (1 << (bits or self.bits)) - self.reserved
 
     def step(self, bits: int = 0) -> float:

@@ -213,7 +213,11 @@ class _AnyReader(Reader):
         return plain
 
     def _index_by_reading(self) -> None:
-        """Index the file by reading it chunk by chunk, up to the end of the file or the first damage."""
+        """
+        Index the file by reading it chunk by chunk, up to the end of the file or the first damage.
+
+        `cut` then says where reading ended, and `lost_bytes` how many bytes follow.
+        """
         file: BinaryIO = self.bio  # type: ignore[assignment]
         size = self.path.stat().st_size
         file.seek(len(_MAGIC))

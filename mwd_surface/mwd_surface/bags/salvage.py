@@ -100,7 +100,11 @@ def _write(target: Path, topics: dict[str, TopicInfo], messages: Iterator[tuple[
 
 
 def _saved(path: Path, files: list[Path], target: Path, reason: str) -> RecoveryReport:
-    """Copy the messages in all readable rows of damaged databases to a new bag at `target`."""
+    """
+    Copy the messages in all readable rows of damaged databases to a new bag at `target`; return a report.
+
+    If no message can be read, no bag is written.
+    """
     with tempfile.TemporaryDirectory(prefix="mwd_recover_") as scratch:
         databases = [_Database(file, Path(scratch) / f"{number}.db3") for number, file in enumerate(files)]
         topics = {name: TopicInfo(name, kind, 1) for one in databases for name, kind in one.topics.values()}

@@ -200,7 +200,7 @@ class SampleDecoder:
         return sample[0]  # type: ignore[no-any-return]
 
     def unzipped(self, data: bytes) -> bytes | None:
-        """Decompress a message that was compressed by itself; report a damaged message and return None."""
+        """Return a message that was compressed by itself, decompressed; report a damaged message and return None."""
         reason = f"it claims more than {_MAX_MESSAGE_BYTES} bytes"
         try:
             if zstandard.frame_content_size(data) <= _MAX_MESSAGE_BYTES:

@@ -70,7 +70,7 @@ class RigCommands:
 
     @property
     def speed(self) -> float:
-        """Commanded speed of the top drive at this point of its ramp, rad/s."""
+        """Commanded speed of the top drive at this point of its ramp, rad/s; 0 unless rotation is commanded."""
         return self._speed if self.drive is not None and self.drive.mode == Mode.ROTATE else 0.0
 
     @property

@@ -262,7 +262,7 @@ class BagEstimate:
             yield _Result(output)
 
     def _checked(self, block: Block) -> BlockSamples:
-        """Return the samples of a block, checked and calibrated."""
+        """Return the samples of a block, checked and, if a compensation is given, calibrated."""
         samples: BlockSamples = {name: part[1] for name, part in block.items()}
         self._used.take(samples)
         self._check_units(samples)
@@ -292,7 +292,7 @@ class BagEstimate:
         self._use_mag = self._use_mag and not any(text.startswith(f"{self.topics.mag}:") for text in warnings)
 
     def _judge_covariances(self, samples: BlockSamples) -> None:
-        """Remove vectors that covariances declare absent, as the live estimator does."""
+        """Remove vectors that covariances declare absent, as the live estimator does; warn once of each finding."""
         topics = self.topics
         for topic, layout in ((topics.imu, wire.IMU), (topics.mag, wire.MAG), (topics.precision, wire.IMU)):
             if topic is None or topic not in samples:

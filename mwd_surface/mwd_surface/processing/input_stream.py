@@ -152,7 +152,11 @@ class SampleStream:
         return self._repeated[name].take(log_ns, samples, stamped=name not in self.without_time)
 
     def _timed(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Stamp samples without a time by the log time; convert other stamps to the recorder's clock if requested."""
+        """
+        Return log times and samples; samples without a time are stamped by the log time.
+
+        Other stamps are converted to the recorder's clock if requested. The samples are changed in place.
+        """
         if name in self.without_time:
             samples["stamp_ns"] = log_ns
         elif name in self._clocks:

@@ -147,7 +147,7 @@ def recover_bag(folder: Path, going_on: Callable[[], bool] = _always, *, thoroug
 
 
 def is_unfinished(bag: Path) -> bool:
-    """Return whether a bag has a file without its end, or a file that metadata.yaml does not name."""
+    """Return whether a bag has a file without its end, or a file that no readable metadata.yaml names."""
     files = _files(bag)
     try:
         listed = {file.path for file in bag_metadata.read(bag).files}
