@@ -291,7 +291,12 @@ def _delay(
 
 @dataclasses.dataclass
 class LinkState:
-    """State of the connection of one topic."""
+    """
+    State of the connection of one topic.
+
+    burst_start : simulation time of the present or next interval without messages, s. waiting : message that the next
+    message will overtake; None if there is none.
+    """
 
     link: MessageFaults
     rng: np.random.Generator

@@ -80,7 +80,11 @@ def _along(tangent: Array, normal: Array, curvature: float, length: float) -> Ar
 
 @dataclasses.dataclass(frozen=True)
 class SimulatedMotion:
-    """Motion of a whole simulation, for which all random numbers are drawn; `at` computes the motion at any instant."""
+    """
+    Motion of a whole simulation, for which all random numbers are drawn; `at` computes the motion at any instant.
+
+    sensor_to_bit : distance from the sensors to the bit along the hole, m.
+    """
 
     path: WellPath
     timeline: Timeline

@@ -75,8 +75,9 @@ class SteeringParams(NamedTuple):
     """
     Constants of string and top drive, SI.
 
-    Wall friction, N m, is `kinetic` plus `more` at standstill and `kinetic` at speeds far above `decay`, rad/s.
-    `fastest` (speed while turning to an angle, rad/s), `ramp`, rad/s^2, and `yields`, 1/s, belong to the top drive.
+    The string has `stiffness`, N m/rad, `inertia`, kg m^2, and `damping`, N m s/rad. Wall friction, N m, is `kinetic`
+    plus `more` at standstill and `kinetic` at speeds far above `decay`, rad/s. `fastest` (speed while turning to an
+    angle, rad/s), `ramp`, rad/s^2, and `yields`, 1/s, belong to the top drive.
     """
 
     stiffness: float

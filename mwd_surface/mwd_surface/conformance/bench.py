@@ -53,7 +53,11 @@ class ControlAnswer:
 
 @dataclasses.dataclass(frozen=True)
 class Wish:
-    """Request for control, in the units of mwd_msgs/RequestControl; a limit of 0 means the limit set at the rig."""
+    """
+    Request for control.
+
+    duration : length of the lease, s. speed, left_speed : limits, rad/s; 0 means the limit set at the rig.
+    """
 
     name: str = "conformance one"
     priority: int = 5

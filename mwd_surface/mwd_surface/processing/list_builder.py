@@ -36,7 +36,7 @@ Arrived = tuple[Stamps, Samples]
 
 class ListBuilder:
     """
-    Builder of survey list and depths for one run over a recording.
+    Builder of survey list and depths while a recording is processed once.
 
     Parameters
     ----------

@@ -82,7 +82,8 @@ class Chunk:
     """
     A valid chunk found while scanning.
 
-    data, plain : records of the chunk, compressed and decompressed. walk : positions of the records in `plain`.
+    offset, length : position and length of the chunk's record, bytes. data, plain : records of the chunk, compressed
+    and decompressed. walk : positions of the records in `plain`.
     """
 
     offset: int
@@ -95,7 +96,12 @@ class Chunk:
 
 @dataclasses.dataclass(frozen=True)
 class Bare:
-    """Valid messages outside of any chunk."""
+    """
+    Valid messages outside of any chunk.
+
+    offset, length : position and length of the messages' records, bytes. plain : these records. walk : positions of the
+    records in `plain`.
+    """
 
     offset: int
     length: int

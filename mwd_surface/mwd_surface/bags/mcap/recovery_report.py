@@ -111,7 +111,12 @@ def check(path: Path) -> RecoveryReport:
 
 @dataclasses.dataclass
 class Tally:
-    """Counts of messages, chunks and damages over the pieces of a scan."""
+    """
+    Counts of messages, chunks and damages over the pieces of a scan.
+
+    counts : number of messages by channel. lost_bytes : bytes that cannot be used. orphans : number of messages without
+    a channel. times : first and last log time, ns; empty without messages.
+    """
 
     contents: Contents
     counts: dict[int, int] = dataclasses.field(default_factory=dict)
