@@ -81,7 +81,9 @@ class Word:
 
     def code(self, value: float, bits: int = 0) -> int:
         """
-        Return the nearest code of a value; a value outside the range gets the code of the nearer end.
+        Return the nearest code of a value; `bits` as in `sigma_of`.
+
+        A value outside the range gets the code of the nearer end; the value of a circular word wraps instead.
 
         Raises
         ------

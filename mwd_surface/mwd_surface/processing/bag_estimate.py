@@ -341,6 +341,8 @@ class BagEstimate:
         """
         Push all samples except the IMU samples into the pipeline, and the depths of the rig into the survey list.
 
+        The samples of a magnetometer that is not used are left out.
+
         block : the same samples with the log times of their messages. again : the samples were pushed before, and the
         estimate has been restarted since.
         """
