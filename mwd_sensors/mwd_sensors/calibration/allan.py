@@ -67,7 +67,7 @@ class AllanFigures:
 
 def allan(samples: ArrayLike, rate: float, points_per_decade: int = 10) -> AllanCurve:
     """
-    Compute the overlapping Allan deviation.
+    Return the overlapping Allan deviation.
 
     Parameters
     ----------

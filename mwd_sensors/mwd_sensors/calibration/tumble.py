@@ -23,7 +23,7 @@ from mwd_sensors.core.frames import mat_from_quat, quat_from_rotvec, quat_multip
 
 def fit_strength(reading: ArrayLike, strength: float, celsius: ArrayLike) -> TriadCalibration:
     """
-    Calibrate a triad from the strength of a field alone (gravity), with unknown attitudes.
+    Return a triad's calibration from the strength of a field alone (gravity), with unknown attitudes.
 
     reading, shape (m, 3), and strength, SI; celsius, shape (m,): temperature, degC. The matrix is symmetric, because
     the strength does not determine a rotation.
@@ -56,7 +56,7 @@ def fit_magnetometer(
     reading: ArrayLike, f_t: ArrayLike, strength: float, dip: float, celsius: ArrayLike
 ) -> TriadCalibration:
     """
-    Calibrate a magnetometer from the strength of the field and its dip relative to calibrated accelerometers.
+    Return a magnetometer's calibration from the field's strength and its dip relative to calibrated accelerometers.
 
     Parameters
     ----------
@@ -97,7 +97,9 @@ def fit_magnetometer(
 
 def fit_gyro(gyro: ArrayLike, at_rest: TumbleRests, accelerometer: TriadCalibration, rate: float) -> TriadCalibration:
     """
-    Calibrate gyros: bias and its temperature slope from intervals at rest, scale and misalignment from rotations.
+    Return the calibration of gyros.
+
+    Bias and its temperature slope come from intervals at rest, scale and misalignment from rotations.
 
     Parameters
     ----------
@@ -164,7 +166,7 @@ def calibrate(
     field: tuple[float, float] | None,
 ) -> Calibration:
     """
-    Calibrate a unit from one tumble run, without a stand.
+    Return the calibration of a unit from one tumble run, without a stand.
 
     Parameters
     ----------
@@ -272,7 +274,7 @@ def rests(
     quiet_force: float = 0.15,
 ) -> TumbleRests:
     """
-    Find the intervals at rest in a tumble run.
+    Return the intervals at rest in a tumble run.
 
     Parameters
     ----------

@@ -105,7 +105,7 @@ def rule_of(field: dataclasses.Field[Any]) -> Rule:
 
 def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:
     """
-    Build a settings object from a nested mapping (YAML, JSON, parameters); path precedes the names in messages.
+    Return a settings object from a nested mapping (YAML, JSON, parameters); path precedes the names in messages.
 
     Raises
     ------

@@ -126,7 +126,7 @@ def transmit(
     tool: ToolConfiguration, flows: tuple[tuple[float, float], ...], seed: int, clock: float = 0.0
 ) -> CarrierSent:
     """
-    Simulate the transmission of random values.
+    Return the simulated transmission of random values.
 
     Parameters
     ----------

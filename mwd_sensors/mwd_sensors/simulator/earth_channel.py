@@ -145,7 +145,7 @@ class EarthVoltage:
 
 
 def earth_run(channel: EarthChannel, sent: CarrierSent, seconds: float, seed: int) -> tuple[Array, Array]:
-    """Simulate the surface voltage during a transmission; return times, s, and voltages, V, shape (n,) each."""
+    """Return times, s, and simulated surface voltages, V, of a transmission, shape (n,) each."""
     stream = EarthVoltage(channel, sent.drive, seed)
     blocks = []
     while stream.seconds < seconds:

@@ -108,7 +108,7 @@ _MARKOV_PEAK = 0.6174
 
 
 def gyro_triad(g: GyroGrade, rng: np.random.Generator) -> Triad:
-    """Draw the errors of a gyro triad of a grade at random; the unit of the readings is rad/s."""
+    """Return a gyro triad of a grade with random errors; the unit of the readings is rad/s."""
     deg_h = math.radians(1.0) / 3600.0
     return Triad(
         matrix=_matrix(g.scale_ppm, g.misalignment_mrad, rng),
@@ -127,7 +127,7 @@ def gyro_triad(g: GyroGrade, rng: np.random.Generator) -> Triad:
 
 
 def accelerometer_triad(a: AccelerometerGrade, rng: np.random.Generator) -> Triad:
-    """Draw the errors of an accelerometer triad of a grade at random; the unit of the readings is m/s^2."""
+    """Return an accelerometer triad of a grade with random errors; the unit of the readings is m/s^2."""
     ug = STANDARD_GRAVITY * 1e-6
     return Triad(
         matrix=_matrix(a.scale_ppm, a.misalignment_mrad, rng),

@@ -59,7 +59,7 @@ def transmit(
     tool: ToolConfiguration, flows: tuple[tuple[float, float], ...], seed: int, clock: float = 0.0, resync: bool = False
 ) -> SentTransmission:
     """
-    Simulate the transmission of random values.
+    Return the simulated transmission of random values.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def link_run(
     drive: Callable[[Array], Array] = np.zeros_like,
 ) -> LinkRun:
     """
-    Simulate the standpipe pressure of a channel during a transmission.
+    Return the simulated standpipe pressure of a channel during a transmission.
 
     seed is the seed of the noise; drive returns the signal of a siren, -1 to 1, at times, s.
     """

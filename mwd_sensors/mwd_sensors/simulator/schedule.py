@@ -210,7 +210,7 @@ def timeline(
     toolface: float = 0.0,
 ) -> Timeline:
     """
-    Convert a schedule to profiles.
+    Return the profiles of a schedule.
 
     Parameters
     ----------

@@ -176,7 +176,7 @@ def data_places(carrier: Carrier) -> Indices:
 
 def blocks_of(items: tuple[SequenceItem, ...], capacity: int) -> tuple[tuple[SequenceItem, ...], ...]:
     """
-    Split a sequence into blocks, each with as many whole words as fit.
+    Return the blocks of a sequence in order, each with as many whole words as fit.
 
     Raises
     ------

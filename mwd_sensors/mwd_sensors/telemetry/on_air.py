@@ -52,7 +52,7 @@ class GroupSignal(NamedTuple):
 
 def groups(tool: ToolConfiguration, kind: str, number: int) -> tuple[Group, ...]:
     """
-    Split a sequence, sent once, into groups: single words for pulses, blocks for a carrier, one frame for a line.
+    Return the groups of a sequence sent once: single words for pulses, blocks for a carrier, one frame for a line.
 
     Parameters
     ----------

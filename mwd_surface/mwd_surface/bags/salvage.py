@@ -31,7 +31,7 @@ _LONGEST = 100
 
 def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
     """
-    Recover a recording of any storage.
+    Recover a recording of any storage; return one report per MCAP file, or one report for any other recording.
 
     An MCAP file or a folder of them is recovered by `mcap.recovery`. Any other recording is copied to a new bag
     (by default ``<name>.recovered`` in the same folder), unless the recording is intact.
@@ -67,7 +67,7 @@ def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
 
 
 def _copied(bag: Bag, target: Path) -> RecoveryReport:
-    """Copy all readable messages of a bag to a new bag at `target`."""
+    """Copy all readable messages of a bag to a new bag at `target`; return a report."""
     messages = ((log_ns, name, data) for log_ns, name, _, data in bag.messages())
     counts = _write(target, dict(bag.topics), messages)
     return RecoveryReport(
