@@ -47,14 +47,15 @@ class AllanFigures:
     Attributes
     ----------
     white : float
-        Noise density, unit / sqrt(Hz): the deviation at 1 s on the slope of -1/2.
+        Noise density, unit / sqrt(Hz): the deviation at 1 s on the slope of -1/2; 0 if the curve does not have this
+        slope.
     floor, floor_tau : float
         Lowest deviation and its averaging time, s.
     instability : float
         Bias instability B: the floor divided by 0.664.
     walk : float
-        Random walk of the bias, unit / sqrt(s): the deviation at 3 s on the slope of +1/2; 0 if the record is too
-        short.
+        Random walk of the bias, unit / sqrt(s): the deviation at 3 s on the slope of +1/2; 0 if the curve does not
+        have this slope, usually because the record is too short.
     """
 
     white: float
@@ -66,7 +67,7 @@ class AllanFigures:
 
 def allan(samples: ArrayLike, rate: float, points_per_decade: int = 10) -> AllanCurve:
     """
-    Compute the overlapping Allan deviation.
+    Return the overlapping Allan deviation.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ def allan(samples: ArrayLike, rate: float, points_per_decade: int = 10) -> Allan
 
 def figures(curve: AllanCurve, axis: int | None = None) -> AllanFigures:
     """
-    Read the noise figures from a curve; axis selects a column, None is for a curve of one axis.
+    Return the noise figures of a curve; axis is the column, None for a curve of samples with shape (n,).
 
     White noise is fitted where the slope is near -1/2, up to the averaging time of the floor; random walk where the
     slope is near +1/2, at longer averaging times.

@@ -84,12 +84,13 @@ def as_table(calibration: Calibration) -> dict[str, Any]:
 
 def from_table(table: Mapping[str, Any]) -> Calibration:
     """
-    Read a calibration from a mapping in the form of `as_table`.
+    Return the calibration in a mapping of the form of `as_table`; the magnetometer may be missing.
 
     Raises
     ------
     ValueError
-        A triad or number is missing, has a wrong shape or is not finite, or a matrix is far from the identity.
+        A triad is unknown, gyro or accelerometer is missing, a number is missing, has a wrong shape or is not finite,
+        or a matrix is far from the identity.
     """
     read: dict[str, TriadCalibration] = {}
     for name, triad in table.items():

@@ -23,7 +23,7 @@ from mwd_sensors.core.frames import mat_from_quat, quat_from_rotvec, quat_multip
 
 def fit_strength(reading: ArrayLike, strength: float, celsius: ArrayLike) -> TriadCalibration:
     """
-    Calibrate a triad from the strength of a field alone (gravity), with unknown attitudes.
+    Return a triad's calibration from the strength of a field alone (gravity), with unknown attitudes.
 
     reading, shape (m, 3), and strength, SI; celsius, shape (m,): temperature, degC. The matrix is symmetric, because
     the strength does not determine a rotation.
@@ -56,7 +56,7 @@ def fit_magnetometer(
     reading: ArrayLike, f_t: ArrayLike, strength: float, dip: float, celsius: ArrayLike
 ) -> TriadCalibration:
     """
-    Calibrate a magnetometer from the strength of the field and its dip relative to calibrated accelerometers.
+    Return a magnetometer's calibration from the field's strength and its dip relative to calibrated accelerometers.
 
     Parameters
     ----------
@@ -97,7 +97,9 @@ def fit_magnetometer(
 
 def fit_gyro(gyro: ArrayLike, at_rest: TumbleRests, accelerometer: TriadCalibration, rate: float) -> TriadCalibration:
     """
-    Calibrate gyros: bias and its temperature slope from intervals at rest, scale and misalignment from rotations.
+    Return the calibration of gyros.
+
+    Bias and its temperature slope come from intervals at rest, scale and misalignment from rotations.
 
     Parameters
     ----------
@@ -164,7 +166,7 @@ def calibrate(
     field: tuple[float, float] | None,
 ) -> Calibration:
     """
-    Calibrate a unit from one tumble run, without a stand.
+    Return the calibration of a unit from one tumble run, without a stand.
 
     Parameters
     ----------
@@ -195,10 +197,11 @@ def calibrate(
 
 def _turns(w: Array, at_rest: TumbleRests, bias: Array, drift: Array, rate: float) -> Array:
     """
-    Return the rotation vectors between intervals at rest in order of time, rad, shape (longest, rotations, 3).
+    Return the rotation vectors of the samples between intervals at rest, rad, shape (n, k, 3).
 
-    w, shape (n, 3), are the rates of the whole run; bias, shape (3,), is the gyro bias of the run and drift, shape
-    (rotations, 3), its change in each rotation. All in rad/s.
+    k is the number of rotations, in order of time, and n the number of samples of the longest; shorter rotations are
+    padded with zeros. w, shape (samples, 3), are the rates of the whole tumble; bias, shape (3,), is the gyro bias and
+    drift, shape (k, 3), its change in each rotation. All in rad/s.
     """
     turns = []
     for k in range(len(drift)):
@@ -213,9 +216,9 @@ def _turns(w: Array, at_rest: TumbleRests, bias: Array, drift: Array, rate: floa
 
 def _carried(steps: Array, down: Array) -> Array:
     """
-    Return the directions of gravity in tool axes after k rotations, shape (k, 3).
+    Return the directions of gravity in tool axes after k rotations, unit vectors, shape (k, 3).
 
-    steps, shape (n, k, 3): rotation vectors of the n parts of each rotation, rad. down, shape (k, 3): directions of
+    steps, shape (n, k, 3): rotation vectors of the n samples of each rotation, rad. down, shape (k, 3): directions of
     gravity before the rotations.
     """
     # Rotations are multiplied in pairs, as a tree, so that a long rotation takes few array operations.
@@ -271,7 +274,7 @@ def rests(
     quiet_force: float = 0.15,
 ) -> TumbleRests:
     """
-    Find the intervals at rest in a tumble run.
+    Return the intervals at rest in a tumble run.
 
     Parameters
     ----------
@@ -284,7 +287,8 @@ def rests(
     seconds : float
         Duration of the shortest interval at rest, s.
     quiet_rate, quiet_force : float
-        A window of half a second is at rest if the range of the readings is below these, rad/s and m/s^2.
+        A window of half a second is at rest if the range of each axis is below these limits, rad/s and m/s^2, and its
+        mean specific force differs from that of both neighbouring windows by less than half of `quiet_force`.
 
     Raises
     ------
@@ -328,7 +332,7 @@ class RunTemperature:
     Attributes
     ----------
     reference_c, span : float
-        Mean and range, degC.
+        Mean and range, degC; the range is 1 if it is too small (`varied`).
     warm : ndarray, shape (m,)
         Temperature above the reference divided by the range, so that all parameters of a fit have similar size.
     varied : bool
@@ -342,7 +346,7 @@ class RunTemperature:
 
     @classmethod
     def of(cls, celsius: Array) -> RunTemperature:
-        """Compute reference and range from temperatures, shape (m,), degC."""
+        """Return reference and range of temperatures, shape (m,), degC; `varied` is True above a range of 1 degC."""
         reference, varied = float(celsius.mean()), bool(np.ptp(celsius) > 1.0)
         span = float(np.ptp(celsius)) if varied else 1.0
         return cls(reference, span, (celsius - reference) / span, varied)
@@ -381,12 +385,13 @@ class RunTemperature:
 
 def fit_sigmas(jacobian: Array, residual: Array, parts: int = 1, interleaved: bool = False) -> Array:
     """
-    Return 1 sigma of the parameters of a least-squares fit, from the scatter of its residuals.
+    Return 1 sigma of the p parameters of a least-squares fit, shape (p,), from the scatter of its residuals.
 
-    Each interval at rest has `parts` residuals, stored next to each other (interleaved) or in `parts` blocks with one
-    residual of each interval. A slow drift of the sensor makes neighbouring residuals similar, so that fewer of them
-    are independent. The result is therefore the larger of the ordinary sigma and the sigma by Newey and West
-    (Econometrica 55, 1987), with lags up to a fifth of the intervals.
+    jacobian, shape (n, p), and residual, shape (n,), are those of the solution. Each interval at rest has `parts`
+    residuals, stored next to each other (interleaved) or in `parts` blocks with one residual of each interval. A slow
+    drift of the sensor makes neighbouring residuals similar, so that fewer of them are independent. The result is
+    therefore the larger of the ordinary sigma and the sigma by Newey and West (Econometrica 55, 1987), with lags up to
+    a fifth of the intervals.
     """
     size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     scaled = jacobian / size
@@ -412,10 +417,11 @@ def allow_for_drift(
     sigma_bias: Array, sigma_bias_per_c: Array, scatter: Array | float, span: float
 ) -> tuple[Array, Array]:
     """
-    Increase sigmas of bias and of its slope for drift.
+    Return the sigmas of bias and of its slope with temperature, both increased for drift.
 
-    Add in quadrature half the residual scatter to the bias, and twice the scatter per range to the slope. A sensor that
-    drifts while the temperature happens to rise looks like a sensor that depends on temperature.
+    Half the residual scatter is added in quadrature to the sigma of the bias, and twice the scatter divided by `span`,
+    the range of temperature, to that of the slope. A sensor that drifts while the temperature happens to rise looks
+    like a sensor that depends on temperature.
     """
     return np.hypot(sigma_bias, 0.5 * scatter), np.hypot(sigma_bias_per_c, 2.0 * scatter / span)
 

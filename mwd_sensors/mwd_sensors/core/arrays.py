@@ -30,7 +30,7 @@ Samples = NDArray[np.void]
 
 
 def joined(parts: Sequence[Samples]) -> Samples:
-    """Concatenate arrays of samples that share one dtype; at least one array is needed."""
+    """Return arrays of samples of one dtype as one array; at least one array is needed."""
     # Join the samples as raw bytes: numpy copies records field by field, which is slow.
     kind = parts[0].dtype
     return np.concatenate([part.view(f"V{kind.itemsize}") for part in parts]).view(kind)

@@ -39,7 +39,9 @@ _COVARIANCES = ("angular_velocity_covariance", "linear_acceleration_covariance")
 
 def encode(samples: Samples, frame_id: str) -> bytes:
     """
-    Encode samples of dtype `wire.IMU` as one burst; all samples must have the same covariances.
+    Return the bytes of one burst with samples of dtype `wire.IMU`, which must all have the same covariances.
+
+    frame_id is the frame name in the header of the burst.
 
     Raises
     ------
@@ -69,7 +71,7 @@ def encode(samples: Samples, frame_id: str) -> bytes:
 
 def parts(samples: Samples, size: int) -> list[slice]:
     """
-    Split samples into slices for bursts of at most `size` samples with equal covariances.
+    Return the slices, in order, that divide samples into bursts of at most `size` samples with equal covariances.
 
     The covariance of a clipped sample differs (`mark_clipped`), so clipping starts a new burst.
     """
@@ -82,7 +84,7 @@ def parts(samples: Samples, size: int) -> list[slice]:
 
 def decode(message: bytes) -> Samples:
     """
-    Decode a burst to samples of dtype `wire.IMU` without orientation (first element of `orientation_covariance`: -1).
+    Return the samples of a burst, of dtype `wire.IMU`, without orientation (as `bare`).
 
     Raises
     ------

@@ -53,7 +53,11 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
                 numba.config.CACHE_DIR = before
 
     def compile(self, sig: Any) -> Any:
-        """Return the machine code for argument types, from the cache if another process has compiled it."""
+        """
+        Return the machine code for argument types, from the cache if another process has compiled it.
+
+        A cache that names types that no longer exist is deleted, and the kernel is compiled again.
+        """
         with self._alone():
             try:
                 return super().compile(sig)
@@ -66,7 +70,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """
-        Compile a called kernel for the types of its arguments, not for their literal values.
+        Return numba's template of a call from another kernel, for the types of the arguments, not their literal values.
 
         numba would compile one more version for each literal argument (0, 1), a fifth of the total compilation time.
         """
@@ -77,9 +81,10 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
         """
-        Let only one process compile this kernel; others wait and then read it from the cache.
+        Let only one process compile this kernel; other processes wait and then read the machine code from the cache.
 
-        Without this, nodes and test workers that start together would each compile the same kernels for minutes.
+        Without this lock, nodes and test workers that start together would each compile the same kernels for minutes.
+        If there is no cache folder, or the lock is refused, the kernel is compiled without waiting.
         """
         # A kernel waits only for kernels that it calls, so processes cannot deadlock, except if two kernel names have
         # the same lock byte. The operating system detects that deadlock and refuses the lock.
@@ -111,7 +116,11 @@ class OldKernel(Kernel):
         return {}
 
     def __call__(self, *args: Any, **keywords: Any) -> Any:
-        """Call the machine code for the types of the arguments; compile it at the first call."""
+        """
+        Call the machine code for the types of the arguments, compiled at the first call with these types.
+
+        Calls with keywords, or without a tuple among the arguments, use numba's own lookup.
+        """
         if keywords or not any(isinstance(arg, tuple) for arg in args):
             return super().__call__(*args, **keywords)
         kinds = tuple(map(_kind, args))

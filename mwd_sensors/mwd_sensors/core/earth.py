@@ -89,7 +89,12 @@ class ReferenceField:
 
 
 def field_of(b_n: Array, convergence: float, gravity_mps2: float, source: str) -> ReferenceField:
-    """Return the reference for a magnetic field b_n, T, in true north, east, down, shape (3,); convergence in rad."""
+    """
+    Return the reference for a magnetic field and a gravity.
+
+    b_n, shape (3,): field in true north, east, down, T. convergence in rad, gravity in m/s^2; source as in
+    `ReferenceField`.
+    """
     horizontal = math.hypot(b_n[0], b_n[1])
     return ReferenceField(
         total=math.hypot(horizontal, b_n[2]),
@@ -138,7 +143,7 @@ def magnetic_field(lat: float, lon: float, height: float, date: datetime.date, m
 
 
 def field_at_year(lat: float, lon: float, height: float, year: float, model: str = "wmm2025") -> Array:
-    """Return the field as `magnetic_field` does, for a decimal year instead of a date."""
+    """Return the field of `magnetic_field`, with the same errors, for a decimal year instead of a date."""
     if model not in MODELS:
         raise ValueError(f"model {model!r} is not known; one of {', '.join(MODELS)}")
     if not -math.pi / 2 <= lat <= math.pi / 2:
@@ -239,7 +244,8 @@ def grid_convergence(lat: float, lon: float, crs: str | None = None) -> float:
     Raises
     ------
     ValueError
-        The system is unknown or not projected, the place is far outside its area, or it has no convergence there.
+        The system is unknown or not projected, or the place is far outside its area or has no convergence in the
+        system.
     """
     return map_grid(lat, lon, crs).convergence
 
@@ -252,7 +258,7 @@ class MapGrid:
     Attributes
     ----------
     name : str
-        EPSG code of the grid.
+        Grid as the caller wrote it, or the EPSG code of the default grid.
     easting, northing : float
         Coordinates in the grid, m.
     convergence : float
@@ -280,7 +286,7 @@ def map_grid(lat: float, lon: float, crs: str | None = None) -> MapGrid:
 
 def geographic(crs: str, easting: ArrayLike, northing: ArrayLike) -> tuple[Array, Array]:
     """
-    Return latitude and longitude of places in a map grid, rad; the inverse of `map_grid`.
+    Return the latitudes and the longitudes, rad, shape (n,), of places in a map grid; the inverse of `map_grid`.
 
     Parameters
     ----------
@@ -288,6 +294,11 @@ def geographic(crs: str, easting: ArrayLike, northing: ArrayLike) -> tuple[Array
         Grid, for example ``EPSG:23031``.
     easting, northing : array_like, shape (n,)
         Coordinates in the grid, m.
+
+    Raises
+    ------
+    pyproj.exceptions.ProjError
+        The grid is unknown.
     """
     import pyproj
 
@@ -348,7 +359,7 @@ def _igrf(lat: float, lon: float, height: float, year: float) -> Array:
 
 
 def _check_area(known: Any, crs: str, lat_deg: float, lon_deg: float) -> None:
-    """Raise ValueError for a place more than `_BESIDE_DEG` outside the area of a grid."""
+    """Raise ValueError for a place more than `_BESIDE_DEG` outside the area of use that a grid states, if any."""
     area = known.area_of_use
     if area is None:
         return

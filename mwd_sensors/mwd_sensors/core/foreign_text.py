@@ -4,7 +4,7 @@ Make text from files and peers safe to show: no hidden characters, and no conten
 
 Names of topics and frames, messages of peers and errors of libraries may contain anything. `printable` escapes hidden
 characters, for logs, alarms and terminals. `without_contents` returns a message about a file that cannot be used; the
-message does not quote the file, because it reaches people who may not be allowed to read the file.
+message does not quote the file, because people who may not be allowed to read the file can see the message.
 """
 
 from __future__ import annotations

@@ -147,7 +147,7 @@ def mat_from_quat(q: ArrayLike) -> Array:
 
 def quat_from_mat(mat: ArrayLike) -> Array:
     """
-    Convert a rotation matrix, shape (..., 3, 3), to the unit quaternion (x, y, z, w), shape (..., 4), w >= 0.
+    Return the unit quaternion (x, y, z, w), shape (..., 4), w >= 0, of a rotation matrix, shape (..., 3, 3).
 
     The largest of the four components is computed first (Shepperd's method), so that no angle loses digits.
     """

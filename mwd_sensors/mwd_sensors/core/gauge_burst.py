@@ -68,7 +68,11 @@ def encode(stamp_ns: int, period_s: float, values: NDArray[Any], frame_id: str =
 
 def decode(message: bytes, kind: str = PRESSURE) -> tuple[int, float, Array]:
     """
-    Return stamp of the first sample, ns, period, s, and samples, Pa, V or byte values, shape (n,), of a burst.
+    Return the stamp of the first sample, the sample period and the samples of a burst.
+
+    message is the serialised burst, kind its type: `PRESSURE`, `VOLTAGE` or `SERIAL`. The stamp is in ns since 1970,
+    the period in s; the samples, shape (n,), are in Pa or V, or are the values of the bytes (0 to 255) of a serial
+    line.
 
     Raises
     ------
@@ -89,14 +93,14 @@ def decode(message: bytes, kind: str = PRESSURE) -> tuple[int, float, Array]:
 
 def encode_strokes(until_ns: int, strokes: Sequence[tuple[int, int]], frame_id: str = wire.RIG_FRAME) -> bytes:
     """
-    Encode pump strokes as mwd_msgs/StrokeBurst.
+    Return the bytes of one mwd_msgs/StrokeBurst with pump strokes.
 
     Parameters
     ----------
     until_ns : int
         Stamp up to which all strokes are in this message or in an earlier one, ns since 1970.
     strokes : sequence of (int, int)
-        Number of the pump, from 1, and stamp, ns, of each stroke, in order of time.
+        Number of the pump, 1 to 255, and stamp, ns since 1970, of each stroke, in order of time; may be empty.
     """
     counted = _STROKE_HEAD.empty(1)
     counted["stamp_ns"], counted["count"] = until_ns, len(strokes)

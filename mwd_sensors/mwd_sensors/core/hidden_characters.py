@@ -3,7 +3,7 @@
 Find characters that a reader does not see, or that change how the rest of a text is shown.
 
 These are control characters, which a terminal obeys; marks that reverse the direction of writing; characters without
-width or shape; and codes that are not text. They can make two different names look alike.
+width or shape; and codes that are not text. Such characters can make two different names look alike.
 """
 
 from __future__ import annotations

@@ -75,10 +75,10 @@ class StatedNoise:
 
 class NoiseWatch:
     """
-    Noise of each vector as stated by the covariances of the first samples of its stream.
+    White noise of each vector, as stated by the covariance of the first sample of its stream.
 
-    Later covariances are ignored; otherwise the estimate would depend on their time of arrival. `rest` compares the
-    stated noise with the scatter of samples at rest.
+    Later covariances are ignored; otherwise the estimate would depend on their time of arrival. `rest` collects the
+    scatter of samples at rest, with which `not_credible` compares the stated noise.
 
     Parameters
     ----------
@@ -88,9 +88,10 @@ class NoiseWatch:
     Attributes
     ----------
     noise : dict of StatedNoise
-        Noise by vector, present once the first samples have arrived.
+        Noise by vector, present once `_RATED` samples have arrived; sigma 0 if the first covariance is absent or not
+        credible.
     known_ns : dict of int
-        Stamp of the sample with which the noise of a vector became known, by vector.
+        Stamp of the sample with which the noise of a vector became known, ns since 1970, by vector.
     """
 
     def __init__(self, known: Mapping[str, StatedNoise] | None = None) -> None:
@@ -123,9 +124,10 @@ class NoiseWatch:
 
     def rest(self, samples: Samples, type_name: str, still: bool) -> None:
         """
-        Compute the scatter of each vector from `_SCATTERED` samples at rest, and keep the smallest scatter.
+        Compute the scatter of each vector from `_SCATTERED` or more samples at rest, and keep the smallest scatter.
 
-        still: whether the tool is at rest. If not, the samples collected so far for a scatter are discarded.
+        Vectors without a stated noise are skipped, and so are readings outside the credible range. still: whether the
+        tool is at rest. If not, the samples collected so far for a scatter are discarded.
         """
         for vector, widest in VECTORS.get(type_name, ()):
             if not still:
@@ -141,7 +143,7 @@ class NoiseWatch:
 
     @property
     def not_credible(self) -> dict[str, str]:
-        """Vectors whose scatter at rest is far larger than their stated sigma, each with the note `TOO_SMALL`."""
+        """Vectors whose scatter at rest is above `_INCREDIBLE` times their stated sigma, with the note `TOO_SMALL`."""
         return {
             vector: TOO_SMALL
             for vector, scatter in self._least.items()
@@ -150,7 +152,7 @@ class NoiseWatch:
 
 
 class JudgedNoise(NamedTuple):
-    """Samples in which absent vectors are NaN, and for each vector the reason why its covariance is not used."""
+    """Samples in which absent vectors are NaN, and by vector the note (`ABSENT` or `UNBELIEVABLE`), if there is one."""
 
     samples: Samples
     notes: dict[str, str]
@@ -158,9 +160,10 @@ class JudgedNoise(NamedTuple):
 
 def judge(samples: Samples, type_name: str) -> JudgedNoise:
     """
-    Replace vectors that are declared absent by NaN, and report covariances that are not credible.
+    Replace vectors that are declared absent by NaN, in a copy, and note covariances that are not credible.
 
-    samples has all or some fields of the message's layout; a vector without a covariance field passes unchanged.
+    samples has all or some fields of the message's layout. A vector without a covariance field, or with covariances of
+    zeros (unknown), is returned unchanged and without a note.
     """
     notes: dict[str, str] = {}
     names = samples.dtype.names or ()
@@ -218,13 +221,17 @@ def mark_clipped(samples: Samples, vector: str, axes: NDArray[np.bool_]) -> None
 
 @functools.lru_cache(maxsize=64)
 def _credible_row(covariance: bytes, widest: float) -> bool:
-    """Return whether one covariance (the bytes of its nine numbers) is credible; cached, because it rarely changes."""
+    """
+    Return whether one covariance (the bytes of its nine numbers) is credible; cached, because most streams repeat it.
+
+    widest is the largest credible sigma.
+    """
     return bool(_credible(np.frombuffer(covariance, dtype=np.float64)[None], widest)[0])
 
 
 def _credible(covariance: NDArray[np.float64], widest: float) -> NDArray[np.bool_]:
     """
-    Return which covariances, shape (n, 9), are credible, shape (n,).
+    Return which covariances, shape (n, 9), are credible, shape (n,); widest is the largest credible sigma.
 
     A credible covariance is finite, symmetric and positive semi-definite, and no variance is above widest^2.
     """

@@ -170,12 +170,12 @@ def load_json(
     text: str | bytes, budget: Budget = budgets.JSON, parse_constant: Callable[[str], Any] | None = None
 ) -> Any:
     """
-    Load JSON; parse_constant is passed on to `json.loads`.
+    Return the value of a JSON text; parse_constant is passed on to `json.loads`.
 
     Raises
     ------
     ValueError
-        The text is not JSON, or it is nested more deeply than the budget allows.
+        The text is not JSON, or is longer or nested more deeply than the budget allows.
     """
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     budget.check("size", len(data))
@@ -204,13 +204,13 @@ def _brackets(data: bytes) -> int:
 
 def load_yaml(text: str) -> Any:
     """
-    Load YAML of plain types.
+    Return the value of a YAML text of plain types.
 
     Raises
     ------
     yaml.YAMLError
         The text is not YAML, has tags of other types, is nested too deeply, gives a key twice, expands (aliases, merged
-        tables) to more than the budget, or has a number that is too long.
+        tables) to more than the budget, has a number that is too long, or has more than `_MOST_DIRECTIVES` directives.
     """
     _check_yaml(text)
     try:
@@ -254,10 +254,15 @@ class _Keys:
 
 def _check_yaml(text: str) -> None:
     """
-    Count the values of a YAML text as if every alias were written out, before any value is created.
+    Check a YAML text before any value is created; values are counted as if every alias were written out.
 
     The parser's events arrive without recursion and in the order of the text. Checking the result would be too late: an
     alias of a merged table (``<<``) is expanded while the table is built.
+
+    Raises
+    ------
+    yaml.YAMLError
+        The text is not YAML, or breaks one of the limits named in `load_yaml`.
     """
     directives = itertools.islice(_DIRECTIVE.finditer(text), _MOST_DIRECTIVES + 1)
     if len(list(directives)) > _MOST_DIRECTIVES:

@@ -214,7 +214,7 @@ def build_rate(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: f
     """
     Return the change of inclination of the interval that ends at each station, rad per `per` metres, shape (n,).
 
-    The first value is 0.
+    The first value is 0. Arguments and errors as for `dogleg_severity`.
     """
     depth, inc, _ = checked_stations(md, inclination, azimuth)
     return _rate(depth, np.diff(inc), per)
@@ -225,7 +225,7 @@ def turn_rate(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: fl
     Return the change of azimuth of the interval that ends at each station, rad per `per` metres, shape (n,).
 
     The first value is 0. A change of azimuth is between -180 and 180 deg. An interval that starts or ends vertical has
-    the rate 0, because the azimuth has no meaning there.
+    the rate 0, because the azimuth has no meaning there. Arguments and errors as for `dogleg_severity`.
     """
     depth, inc, azi = checked_stations(md, inclination, azimuth)
     vertical = np.sin(inc) < VERTICAL

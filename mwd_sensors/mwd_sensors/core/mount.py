@@ -130,14 +130,23 @@ class Transforms:
         self._to_parent: dict[str, tuple[str, Array]] = {}
 
     def add(self, parent: str, child: str, quaternion: tuple[float, float, float, float]) -> None:
-        """Add a transform of tf; the quaternion (x, y, z, w) turns vectors from the child's axes into the parent's."""
+        """
+        Add a transform of tf, or replace the one of the same child.
+
+        The quaternion (x, y, z, w) turns vectors from the child's axes into the parent's. The transform is ignored if
+        child and parent have the same name, or if the length of the quaternion is not finite or not above 0.5.
+        """
         length = math.hypot(*quaternion)
         if child.strip("/") != parent.strip("/") and math.isfinite(length) and length > 0.5:
             q = np.asarray(quaternion, dtype=float) / length
             self._to_parent[child.strip("/")] = (parent.strip("/"), frames.mat_from_quat(q))
 
     def between(self, source: str, target: str) -> Array | None:
-        """Return the rotation, shape (3, 3), from axes of `source` to axes of `target`; None if they are not joined."""
+        """
+        Return the rotation, shape (3, 3), from axes of `source` to axes of `target`.
+
+        Returns None if no transforms join the two frames.
+        """
         from_source, from_target = self._chain(source.strip("/")), self._chain(target.strip("/"))
         for frame, mat in from_source.items():
             if frame in from_target:
@@ -148,7 +157,8 @@ class Transforms:
         """
         Return the name that the transforms use for a frame.
 
-        If they do not have the plain name, but exactly one name with a prefix (``well/frame``), return this name.
+        If the transforms do not have the plain name, but exactly one name with a prefix (``well/frame``), return this
+        name; in all other cases return the plain name.
         """
         known = {name for child, (parent, _) in self._to_parent.items() for name in (child, parent)}
         prefixed = [name for name in known if name.endswith(f"/{frame}")]
@@ -313,10 +323,10 @@ def by_turning(turn: Array) -> Array:
     """
     Return the rotation from unit to tool axes, shape (3, 3), of a unit on a rotating string.
 
-    turn, shape (3,), is the rotation vector of the string in axes of the unit, of any length; it points down-hole (see
-    `axis_down`). If it lies along an axis of the unit, the result is the preset of this axis. Otherwise the result is
-    the preset of the nearest axis, followed by the smallest rotation that makes the vector point down-hole: rotation of
-    the string does not show where the scribe line is.
+    turn, shape (3,), is the rotation vector of the string in axes of the unit, of any length except 0; it points
+    down-hole (see `axis_down`). If this vector lies along an axis of the unit (`ALONG`), the result is the preset of
+    this axis. Otherwise the result is the preset of the nearest axis, followed by the smallest rotation that makes the
+    vector point down-hole: rotation of the string does not show where the scribe line is.
     """
     axis = np.asarray(turn, dtype=float) / np.linalg.norm(turn)
     k = int(np.abs(axis).argmax())
@@ -332,11 +342,11 @@ def by_turning(turn: Array) -> Array:
 
 def axis_down(turn: Array, path: float) -> str:
     """
-    Return the preset, such as "z-down", of the unit's axis that points down-hole, from rotation of the string.
+    Find the unit's axis that points down-hole from the rotation of the string; return its preset, such as "z-down".
 
-    turn, shape (3,), is the sum of the unit's rotations, rad; path is the sum of their lengths, rad. A drill string
-    turns to the right (clockwise seen down-hole), so the rotation vector points down-hole. Returns an empty text if the
-    rotation is not about one axis of the unit.
+    turn, shape (3,), is the sum of the unit's rotation vectors, rad; path is the sum of their lengths, rad. A drill
+    string turns to the right (clockwise seen down-hole), so the rotation vector points down-hole. Returns an empty text
+    if the rotation is not about one axis of the unit.
     """
     length = float(np.linalg.norm(turn))
     k = int(np.abs(turn).argmax())

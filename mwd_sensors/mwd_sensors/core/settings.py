@@ -105,13 +105,14 @@ def rule_of(field: dataclasses.Field[Any]) -> Rule:
 
 def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:
     """
-    Build a settings object from a nested mapping (YAML, JSON, parameters).
+    Return a settings object from a nested mapping (YAML, JSON, parameters); path precedes the names in messages.
 
     Raises
     ------
     SettingsError
-        A key is unknown (the message suggests near ones) or missing, or a value has a wrong type, is out of bounds or
-        is not finite.
+        A key is unknown (the message suggests near ones) or missing, a value has a wrong type, is out of bounds, is not
+        finite or not among the choices, a text is too long or has an invisible character, or the class refuses the
+        values.
     """
     if not isinstance(given, Mapping):
         raise SettingsError(f"{path or cls.__name__}: expected a table of settings, got {given!r}")
@@ -141,7 +142,11 @@ def to_mapping(settings: Any) -> dict[str, Any]:
 
 
 def flat(settings: Any, prefix: str = "") -> dict[str, tuple[Any, Rule]]:
-    """Return dotted name -> (value, rule) of every field, in order of declaration: the parameters of a node."""
+    """
+    Return the dotted name of every field with its value and rule, in order of declaration: the parameters of a node.
+
+    prefix is put in front of each name.
+    """
     leaves: dict[str, tuple[Any, Rule]] = {}
     for field in dataclasses.fields(settings):
         name, value = prefix + field.name, getattr(settings, field.name)
@@ -153,7 +158,7 @@ def flat(settings: Any, prefix: str = "") -> dict[str, tuple[Any, Rule]]:
 
 
 def values(settings: Any) -> dict[str, Any]:
-    """Return dotted name -> value of every field, in order of declaration."""
+    """Return the dotted name and value of every field, in order of declaration."""
     return {name: value for name, (value, _) in flat(settings).items()}
 
 
@@ -187,7 +192,7 @@ def changed(settings: T, changes: Mapping[str, Any]) -> T:
 
 
 def unknown_key(key: str, known: Mapping[str, Any] | typing.Iterable[str], path: str) -> str:
-    """Return the message for a key that does not exist; it lists similar names, or else the names that exist."""
+    """Return the message for a key that does not exist, with similar names, or else with the names that exist."""
     names, where = list(known), f"{path}.{key}" if path else key
     near = difflib.get_close_matches(key, names, n=3, cutoff=0.5)
     # A setting that moved to another block usually keeps the last part of its name.
@@ -197,7 +202,7 @@ def unknown_key(key: str, known: Mapping[str, Any] | typing.Iterable[str], path:
 
 
 def _all_of(names: Sequence[str]) -> str:
-    """Return all names as text if they are few, otherwise the blocks of settings (first parts of the names)."""
+    """Return the names as text if there are few, otherwise the blocks of settings (first parts of the names)."""
     if len(names) <= _MOST_NAMES:
         return f"known: {', '.join(names)}"
     blocks = dict.fromkeys(name.partition(".")[0] for name in names)
@@ -205,7 +210,14 @@ def _all_of(names: Sequence[str]) -> str:
 
 
 def checked(value: Any, kind: Any, rule: Rule, where: str) -> Any:
-    """Return the value converted to its declared type; raise SettingsError with the reason if that is not possible."""
+    """
+    Return a value converted to its declared type `kind`; where is the name of the setting in messages.
+
+    Raises
+    ------
+    SettingsError
+        The value does not have the type, or does not comply with the rule (bounds, choices).
+    """
     origin = typing.get_origin(kind)
     if origin is typing.Annotated:
         unknown = value is None or (isinstance(value, float) and math.isnan(value))
@@ -256,7 +268,7 @@ def _checked_sequence(value: Any, kind: Any, rule: Rule, where: str) -> Any:
 
 
 def _checked_word(value: Any, kind: type[enum.Enum], rule: Rule, where: str) -> enum.Enum:
-    """Return the member of an enumeration that has this value."""
+    """Return the member of the enumeration `kind` that has this value; raise SettingsError if there is none."""
     try:
         return kind(value)
     except ValueError:

@@ -47,7 +47,7 @@ def factor(quantity: str, unit: str) -> float:
 
 def doubt(quantity: str, readings: ArrayLike) -> tuple[str, str] | None:
     """
-    Describe the problem of readings that are declared as SI but seem to be in another unit.
+    Return the problem of readings that are declared as SI but seem to be in another unit, and that unit.
 
     readings, shape (n, 3), are declared as m/s^2, rad/s or T; rows that are not finite are ignored. Returns None if
     their median magnitude is plausible or no row is finite. Otherwise returns a sentence and the unit in which the

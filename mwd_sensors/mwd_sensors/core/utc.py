@@ -13,7 +13,7 @@ _LEAP_SECOND = re.compile(r":59:60(?!\d)")
 
 def moment(text: str) -> dt.datetime:
     """
-    Parse a time written as ISO 8601, independent of the machine's time zone; without an offset it is UTC.
+    Parse a time written as ISO 8601, independent of the machine's time zone; a time without an offset is UTC.
 
     The leap second 23:59:60 is the second after 23:59:59, as in POSIX time (IEEE Std 1003.1, section 4.19).
 
@@ -31,5 +31,5 @@ def moment(text: str) -> dt.datetime:
 
 
 def stamp_ns(at: dt.datetime) -> int:
-    """Return a time, in whole microseconds, as ns since 1970."""
+    """Return a time with a time zone as ns since 1970; the resolution of the type is 1 us."""
     return (at - _EPOCH) // _MICROSECOND * 1000

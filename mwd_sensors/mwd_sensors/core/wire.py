@@ -116,7 +116,7 @@ class Layout:
 
     def decode(self, rows: Rows | bytes, fields: tuple[str, ...] | None = None) -> Samples:
         """
-        Decode messages that share one frame name.
+        Return the samples, shape (n,), of messages whose frame names have equal length.
 
         Parameters
         ----------
@@ -131,6 +131,8 @@ class Layout:
         WireError
             The bytes are not little-endian CDR, their length does not fit this layout, or the frame names differ in
             length.
+        ValueError
+            The message does not have one of `fields`.
         """
         if isinstance(rows, (bytes, bytearray, memoryview)):
             rows = np.frombuffer(rows, dtype=np.uint8)[None, :]
@@ -155,7 +157,7 @@ class Layout:
         samples["stamp_ns"] = head["sec"].astype(np.int64) * NANOSECONDS + head["nanosec"]
         first = dtype.fields[self.fields[0][0]][1]  # type: ignore[index]
         if fields is None and dtype.itemsize - first == samples.dtype.itemsize - 8:
-            # No gaps on the wire: the fields of a message are one contiguous run of bytes.
+            # No gaps on the wire: the fields of a message are one contiguous block of bytes.
             samples.view(np.uint8).reshape(len(samples), -1)[:, 8:] = rows[:, first : dtype.itemsize]
             return samples
         records = rows[:, : dtype.itemsize].view(dtype)[:, 0]

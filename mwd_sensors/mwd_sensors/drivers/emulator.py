@@ -51,7 +51,7 @@ class Emulator:
     wait_for_start : bool
         Send nothing until the command start, or the first request, arrives.
     frame : PolledFrame, optional
-        Frame of the protocol polled.
+        Frame of the protocol "polled"; None for the default frame.
 
     Attributes
     ----------
@@ -99,7 +99,8 @@ class Emulator:
         Send all samples of the blocks, each a mapping of topic to samples, in the order of their stamps.
 
         rate is the number of sample seconds per second of the wall clock; 0 sends as fast as the line accepts the
-        bytes, or as the host asks for the samples.
+        bytes, or as the host asks for the samples. Return when the host has read all bytes, or `_LONGEST_DRAIN_S` after
+        the last sample.
         """
         for reading in _in_order(blocks):
             if not self._began:
@@ -226,7 +227,7 @@ class Emulator:
             self._answers.append(told)
 
     def _hear(self, data: bytes) -> None:
-        """Obey the last command of an MTi to measure (start) or to configure (stop), which may arrive in parts."""
+        """Obey the newest command for an MTi: measure (start) or configure (stop); a command may arrive in parts."""
         self._heard = (self._heard + data)[-64:]
         start = self._heard.rfind(mtdata2.message(mtdata2.GO_TO_MEASUREMENT))
         stop = self._heard.rfind(mtdata2.message(mtdata2.GO_TO_CONFIG))

@@ -143,7 +143,11 @@ class MtReader:
         return found
 
     def _advance(self, ticks: int, count: int | None) -> float:
-        """Advance the time to a packet's time; return the interval of its increments, s, NaN if it is not known."""
+        """
+        Advance the unit's time by the ticks of a packet; return the interval of the packet's increments, s.
+
+        The interval is NaN for the first packet, and if it is not between `_FASTEST_S` and `_SLOWEST_S`.
+        """
         packets = 1
         if count is not None and self._count >= 0:
             packets = (count - self._count) % 65536
@@ -160,7 +164,12 @@ class MtReader:
 
 
 def _numbers(identifier: int, content: bytes) -> tuple[float, ...]:
-    """Return the numbers of an item: integers for times and status, otherwise by the low bits of the identifier."""
+    """
+    Return the numbers of an item.
+
+    Counter, fine time and status are one integer each, or an empty result for more than `_WHOLE_BYTES`. The low bits of
+    the identifier give the format of all other items.
+    """
     kind = identifier & _KIND
     if kind in (COUNT, FINE_TIME, STATUS):
         # A damaged length could give an integer that is larger than any float.
@@ -178,7 +187,11 @@ def _numbers(identifier: int, content: bytes) -> tuple[float, ...]:
 
 
 def _motion(items: dict[int, tuple[float, ...]], interval: float) -> tuple[float, ...] | None:
-    """Return rate, rad/s, and force, m/s^2, of a packet, from increments if present; None if one is missing."""
+    """
+    Return rate, rad/s, and force, m/s^2, of a packet as six numbers, from the increments if the packet has them.
+
+    Returns None if rate or force is missing, or if increments come without a known interval (NaN), s.
+    """
     if DELTA_Q in items and DELTA_V in items:
         if math.isnan(interval):
             return None

@@ -182,7 +182,7 @@ class PolledFrame:
         Raises
         ------
         ValueError
-            The start is not hexadecimal, there are no polls, two requests are equal, or a reply is too long to count.
+            The start is not hexadecimal, there are no polls, two requests are equal, or a reply is too long.
         """
         _octets(self.start, "start")
         if not self.polls:
@@ -240,7 +240,7 @@ PROBE_QUANTITIES = (TIME, STATUS, *(name for names in NAMES.values() for name in
 
 
 def check(data: bytes, frame: PolledFrame) -> bytes:
-    """Return the CRC-16 of bytes in the order of the frame."""
+    """Return the two bytes of the CRC-16 of `data`, in the order `check_order` of the frame."""
     # Import the package only here, so that its absence stops the polled lines and nothing else.
     from pymodbus.framer import FramerRTU
 
@@ -253,13 +253,13 @@ def _sealed(frame: PolledFrame, body: bytes) -> bytes:
 
 
 def request(frame: PolledFrame, poll: Poll) -> bytes:
-    """Return the bytes of a request."""
+    """Return the bytes of the request of a poll."""
     return _sealed(frame, bytes([frame.address, poll.command]) + poll.data)
 
 
 def reply(frame: PolledFrame, poll: Poll, values: Mapping[str, float]) -> bytes:
     """
-    Return the bytes of a reply.
+    Return the bytes of the reply to a poll.
 
     values maps each quantity to its value in SI, the time to ns. A value that is missing, not finite, or outside the
     range of its form is sent as unknown.
@@ -331,7 +331,7 @@ def _values(frame: PolledFrame, poll: Poll, data: bytes) -> dict[str, float]:
 
 
 def readings(values: Mapping[str, float], stamp_ns: int) -> list[UnitSample]:
-    """Return one sample for each topic whose values are all present and finite."""
+    """Return one sample, stamped stamp_ns, for each topic whose values are all present and finite; the IMU is last."""
     status = values.get(STATUS, math.nan)
     bits = int(status) if math.isfinite(status) else 0
     found = []
@@ -344,7 +344,7 @@ def readings(values: Mapping[str, float], stamp_ns: int) -> list[UnitSample]:
 
 
 class ReplyValues(NamedTuple):
-    """Quantity -> value of a reply in SI, except the time in ns; steady time at which the request was sent, s."""
+    """Values of a reply by quantity, in SI (the time in ns), and the steady time at which the request was sent, s."""
 
     values: dict[str, float]
     sent_s: float
@@ -376,7 +376,11 @@ class Master:
         self._held = b""
 
     def due(self, now_s: float) -> bytes:
-        """Return the request to send now; empty if none is due."""
+        """
+        Return the request to send at the steady time now_s, s; empty if none is due.
+
+        If no reply has arrived for `timeout_s`, the reason is noted first, and the request is repeated or given up.
+        """
         if self._sent:
             if now_s - self._sent_s < self.frame.timeout_s:
                 return b""
@@ -392,7 +396,11 @@ class Master:
         return self._sent
 
     def cancel(self) -> None:
-        """Take back a request that could not be sent; the request is due again."""
+        """
+        Take back a request that could not be sent.
+
+        The request is due again; the first request of a round is due again in the next round.
+        """
         self._sent = b""
 
     @property
@@ -400,7 +408,11 @@ class Master:
         return self.frame.polls[self._turn]
 
     def take(self, data: bytes, now_s: float) -> list[ReplyValues]:
-        """Accept bytes from the line; return the values of the reply that `data` completes, or an empty list."""
+        """
+        Accept bytes from the line; return the values of the reply that `data` completes, or an empty list.
+
+        A refusal of the unit, and bytes that come without a request, are noted in `trouble`.
+        """
         if not data:
             return []
         if not self._sent:
@@ -441,7 +453,7 @@ class Master:
         return refused and check(body[:3], self.frame) == body[3:whole]
 
     def _expected(self) -> tuple[bytes, int]:
-        """Return the bytes after the address that a reply begins with, and its length from the address to its end."""
+        """Return the bytes that follow the address in a reply, and the reply's length from the address on, bytes."""
         count = bytes([self._poll.length]) if self.frame.counted else b""
         head = bytes([self._poll.command]) + count
         return head, 1 + len(head) + self._poll.length + _CHECK_BYTES
@@ -462,7 +474,7 @@ class Master:
         self._free_s = now_s
 
     def _give_up(self, now_s: float) -> None:
-        """Note why there was no reply; repeat the request, or go on to the next one."""
+        """Note why there was no reply; let the request be repeated, or after the last repetition go on to the next."""
         self._note(self._why())
         self.counters.broken += bool(self._held)
         self._tries += 1
@@ -538,7 +550,12 @@ class PolledLineUnit:
         return found
 
     def _next(self) -> tuple[int, Poll | bytes | None] | None:
-        """Return the number of bytes to the end of the next request, and its poll or refusal; None without request."""
+        """
+        Return the number of bytes to the end of the next complete request, and its poll or refusal.
+
+        The second result is None for a request with a wrong check, which is not answered. Returns None without a
+        complete request.
+        """
         head = bytes.fromhex(self.frame.start) + bytes([self.frame.address])
         at = self._held.find(head)
         while at >= 0:

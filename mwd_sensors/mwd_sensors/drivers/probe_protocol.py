@@ -27,7 +27,7 @@ COMMANDS = {"start": 32, "stop": 33, "time": 34, "info": 35}
 """Command to a probe -> kind of its frame. The commands start and stop the samples, and request time and name."""
 _BY_NAME = {name: (topic, count) for name, topic, count in _SAMPLES.values()}
 _BY_TOPIC = {topic: (kind, name) for kind, (name, topic, _) in _SAMPLES.items()}
-# A longer run of bytes without an end is not a frame and is dropped.
+# Largest number of bytes without an end; more bytes are not a frame and are dropped.
 _LONGEST = 512
 
 
@@ -52,7 +52,11 @@ def sample(reading: UnitSample, counter: int, text: bool) -> bytes:
 
 
 def command(name: str, counter: int, text: bool, now_ns: int = 0) -> bytes:
-    """Encode a command of `COMMANDS`; now_ns is the host's time, which the command `time` carries."""
+    """
+    Encode a command of `COMMANDS` as a binary frame or, if text is true, as a line of text.
+
+    now_ns is the host's time, which the command `time` carries.
+    """
     if text:
         return line(name.upper(), counter, now_ns)
     return frame(COMMANDS[name], counter, struct.pack("<q", now_ns))
@@ -152,7 +156,14 @@ class ProbeReader:
 
 
 def _parsed(kind: int | str, content: bytes) -> UnitSample | UnitAnswer | None:
-    """Return the sample or answer in a frame or line, or None if its kind is not known (a later version)."""
+    """
+    Return the sample or answer in a frame or line, or None if its kind is not known (a later version).
+
+    Raises
+    ------
+    ValueError or struct.error
+        The content does not fit the kind.
+    """
     if isinstance(kind, str):
         words = content.decode("ascii").split(",")
         if kind in _BY_NAME:

@@ -101,7 +101,7 @@ class FrameCounters:
 
 def samples_of(topic: str, readings: list[UnitSample], offset_ns: int = 0) -> Samples:
     """
-    Convert readings of one topic to samples; offset_ns is added to the unit's time.
+    Return readings of one topic as samples; offset_ns is added to the unit's time.
 
     Quantities that a unit does not measure are marked as not provided (REP-145). Axes that the unit reports as clipped
     get the covariance `input_covariance.CLIPPED`; the covariance of all other axes stays zero (unknown).
@@ -120,7 +120,7 @@ def samples_of(topic: str, readings: list[UnitSample], offset_ns: int = 0) -> Sa
 
 
 def readings_of(topic: str, samples: Samples) -> list[UnitSample]:
-    """Convert samples with their clip flags to readings; the inverse of `samples_of`."""
+    """Return samples with their clip flags as readings; the inverse of `samples_of`, without the flag `FAULT`."""
     rows = np.column_stack([np.asarray(samples[field], dtype=float) for field in FIELDS[topic]]).tolist()
     status = np.zeros(len(samples), dtype=int)
     for field in FIELDS[topic]:

@@ -107,6 +107,7 @@ class SerialProbe:
     Attributes
     ----------
     connected : bool
+        Whether the line is open.
     failure : str
         Reason why the line cannot be opened or was lost; empty while it is open.
     connections : int
@@ -160,7 +161,12 @@ class SerialProbe:
         return self.clock.offset_ns if self._settings.clock == "host" else 0
 
     def poll(self, now_ns: int) -> list[UnitSample]:
-        """Return the samples since the last call and reopen a lost line; now_ns is the host's time, ns."""
+        """
+        Return the samples that the unit has sent since the last call; now_ns is the host's time, ns since 1970.
+
+        The result is empty while the line is not open, and until the offset of the unit's clock is known
+        (`clock_known`). A line that is not open is opened, at most once in `_RETRY_S`.
+        """
         moment = time.monotonic()
         if self._line is None:
             if moment >= self._next_try:
@@ -194,7 +200,12 @@ class SerialProbe:
         return found if self.clock_known else []
 
     def _polled(self, master: polled_line.Master, data: bytes, moment: float, now_ns: int) -> list[UnitSample]:
-        """Return the samples of the replies that `data` completes, and send the next request if it is due."""
+        """
+        Return the samples of the replies that `data` completes, and send the next request if it is due.
+
+        moment is the steady time, s. A sample that the unit has sent before is skipped. The result is empty until the
+        offset of the unit's clock is known.
+        """
         found: list[UnitSample] = []
         for values, sent_s in master.take(data, moment):
             # The unit measures somewhere between request and reply.
@@ -226,7 +237,11 @@ class SerialProbe:
         return not timed or self._settings.clock == "unit" or self.clock.jumps >= 0
 
     def stream(self, on: bool) -> bool:
-        """Tell the unit to send samples or to stop; return whether the command could be sent."""
+        """
+        Tell the unit to send samples or to stop; return whether the command could be sent.
+
+        A polled unit needs no command: the result is then whether the line is open.
+        """
         self._wanted = on
         if self._line is None:
             return False
@@ -268,7 +283,11 @@ class SerialProbe:
         self.failure = f"{self._settings.port} was lost: {error.strerror or error}"
 
     def _exchange(self, now_ns: int) -> None:
-        """Request the unit's time. Repeat the start command if no samples arrived: the unit may have lost power."""
+        """
+        Request the unit's time, except from an Xsens unit.
+
+        Repeat the start command if no samples arrived since the last call: the unit may have lost power.
+        """
         silent, self._received_before = self.received == self._received_before, self.received
         if silent and self._wanted:
             self._ask_for_samples()
@@ -377,7 +396,11 @@ class UnitClock:
         self._last_ns = host_ns
 
     def _doubt(self, host_ns: int, offset: int) -> None:
-        """Record an observation that differs from the offset in force; jump if enough of them agree."""
+        """
+        Record an observation that differs from the offset in force.
+
+        The offset jumps if `_AGREEING` such observations agree over `_LASTING_NS`.
+        """
         self._agree(host_ns, offset)
         if len(self._off) >= _AGREEING and abs(host_ns - self._off[0][0]) >= _LASTING_NS:
             self._jump(min(one for _, one in self._off))
@@ -385,7 +408,7 @@ class UnitClock:
         self._off = [self._off[0], *self._off[1:][-_AGREEING:]] if self._off else []
 
     def _agree(self, host_ns: int, offset: int) -> None:
-        """Record an observation and forget earlier ones that differ from it."""
+        """Record an observation, and forget earlier observations that differ from it by more than `_ALIKE_NS`."""
         self._off = [one for one in self._off if abs(one[1] - offset) <= _ALIKE_NS]
         self._off.append((host_ns, offset))
 

@@ -32,7 +32,7 @@ _TYPES = {
 
 
 class ProbeNode(GraphNode[LineSettings]):
-    """Publishes the samples of a probe; opens the line when the node becomes active, and again when it is lost."""
+    """Publishes the samples of a probe; opens the line when the node becomes active, and reopens a lost line."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("probe", LineSettings(), **node_options)
@@ -44,7 +44,7 @@ class ProbeNode(GraphNode[LineSettings]):
         self._trouble_before: dict[str, int] = {}
 
     def configure(self) -> None:
-        """Create publishers, service and timer; check the frame of a polled line."""
+        """Create publishers, service and timer; raise RuntimeError if the frame of a polled line is not valid."""
         try:
             polled_frame(self.settings)
         except (ValueError, OSError) as error:
@@ -128,7 +128,11 @@ class ProbeNode(GraphNode[LineSettings]):
         return Diagnostic("line", OK, f"{new} samples in the last second", values=values)
 
     def _polled_diagnostic(self, master: Master, new: int, values: tuple[tuple[str, str], ...]) -> Diagnostic:
-        """Return the state of a polled line: for each kind of error, the number of errors in the last second."""
+        """
+        Return the state of a polled line: for each kind of error, the number of errors in the last second.
+
+        new : number of samples in the last second. values : further values of the entry.
+        """
         before, self._trouble_before = self._trouble_before, dict(master.trouble)
         fresh = {words: count - before.get(words, 0) for words, count in master.trouble.items()}
         said = "; ".join(f"{count} times {words}" for words, count in fresh.items() if count > 0)

@@ -134,12 +134,12 @@ class SondeNode(GraphNode[SondeSettings]):
         self._finished = False
 
     def configure(self) -> None:
-        """Read the scenario and create the topics."""
+        """Read the scenario and create topics, service and timer; raise SettingsError if the file is not valid."""
         changes = {} if self.settings.seed < 0 else {"seed": self.settings.seed}
         file = scenario_files.find(self.settings.scenario)
         with contents_hidden(file, "`mwd simulate`"):
             self._scenario = read(file, changes)
-        # Compile the simulator now, so that the run does not start late.
+        # Compile the simulator now, so that the scenario does not start late.
         example = Sonde(self._scenario)
         next(example.blocks(_BLOCK_S))
         self._topic_publishers = {
@@ -217,7 +217,7 @@ class SondeNode(GraphNode[SondeSettings]):
         elapsed = time.monotonic() - self._started_at
         until = elapsed * rate if rate > 0.0 else self._simulated_until + _BLOCK_S
         if rate > 0.0 and until - self._simulated_until > _MOST_BEHIND_S * max(rate, 1.0):
-            # Do not try to catch up: shift the start of the run by the backlog.
+            # Do not try to catch up: shift the start of the scenario by the backlog.
             dropped = until - self._simulated_until
             self._dropped_s += dropped / rate
             self._started_at += dropped / rate
@@ -273,7 +273,7 @@ class SondeNode(GraphNode[SondeSettings]):
         self._quill.publish(message)
 
     def _thinned(self, topic: str, samples: Samples) -> Samples:
-        """Return every n-th sample counted over the whole run, independent of the block boundaries."""
+        """Return every n-th sample counted from the start of the scenario, independent of the block boundaries."""
         if topic not in _THINNED:
             return samples
         first = -self._sample_counts[topic] % self.settings.thin
@@ -340,7 +340,7 @@ def main(args: Sequence[str] | None = None) -> int:
     return run_node(SondeNode, args)
 
 
-# Write the truth of a run to a small file, for scoring when the surface receives only the tool's telemetry link.
+# Write the truth of a simulation to a small file, for scoring when the surface receives only the tool's telemetry link.
 
 
 HEADER = ("stamp_ns", "inclination_rad", "azimuth_true_rad", "gravity_toolface_rad", "measured_depth_m")
@@ -348,7 +348,7 @@ HEADER = ("stamp_ns", "inclination_rad", "azimuth_true_rad", "gravity_toolface_r
 
 class TruthFile:
     """
-    CSV file of the true attitude and depth, with one row for each second of the run.
+    CSV file of the true attitude and depth, with one row for each second of the simulation.
 
     Parameters
     ----------
@@ -411,7 +411,11 @@ class SimulatedRigCommands:
         node.add_subscription(ControlState, "control/state", self.on_control, qos.STATE)
 
     def obey(self, message: RigCommand) -> None:
-        """Carry out a command or refuse it, and publish the acknowledgement, with the reason of a refusal."""
+        """
+        Carry out a command or refuse it, and publish the acknowledgement, with the reason of a refusal.
+
+        A repeated command (equal lease and sequence) is not acknowledged again.
+        """
         pumps = message.mode == steering.PUMP
         repeated = message.lease == self._lease and self._numbers.get(pumps) == message.sequence
         try:

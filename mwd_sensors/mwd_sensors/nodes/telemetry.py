@@ -24,8 +24,8 @@ from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.telemetry_link import Telemetry
 
 _TYPES = {gauge_burst.PRESSURE: PressureBurst, gauge_burst.VOLTAGE: VoltageBurst, gauge_burst.SERIAL: SerialBurst}
-# Lag of the simulated channel behind the run: wall time, s, and time of the run, s; both are added. The lag lets the
-# tool's signals arrive before their time is simulated.
+# Lag of the simulated channel behind the simulation: wall time, s, and simulation time, s; both are added. The lag lets
+# the tool's signals arrive before their time is simulated.
 _WALL_S, _RUN_S = 2.0, 1.0
 
 
@@ -38,7 +38,7 @@ class TelemetryTopics:
     node : GraphNode
     telemetry : Telemetry
     rate : float
-        Seconds of the run per second of wall time.
+        Seconds of simulation time per second of wall time.
 
     Raises
     ------
@@ -61,11 +61,11 @@ class TelemetryTopics:
         self._sonde: Sonde | None = None
 
     def start(self, sonde: Sonde) -> None:
-        """Connect the topics to the simulation of a run that begins."""
+        """Connect the topics to a simulation that begins."""
         self._sonde = sonde
 
     def publish(self, until_s: float) -> None:
-        """Publish the flow up to a time of the run, s, and the surface signals up to that time minus the lag."""
+        """Publish the flow up to a simulation time, s, and the surface signals up to that time minus the lag."""
         sonde = self._sonde
         if sonde is None or sonde.link is None:
             return
@@ -79,7 +79,12 @@ class TelemetryTopics:
             self._publish_heard(sonde, heard)
 
     def drained(self, since_s: float) -> bool:
-        """Publish the rest of a run; since_s: wall time since its end, s. Return True once everything is published."""
+        """
+        Publish the signals that remain at the end of a scenario; return whether they have been published.
+
+        since_s: wall time since the end, s. The signals are published from `_WALL_S` after the end; the result is True
+        from twice that time on.
+        """
         sonde = self._sonde
         if since_s > _WALL_S and sonde is not None and sonde.link is not None:
             for heard in sonde.link.advance(sonde.duration):
@@ -122,7 +127,7 @@ class TelemetryTopics:
             )
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return one entry: a warning if signals came too late for the channel; nothing before the run starts."""
+        """Return one entry, a warning if signals came too late for the channel; [] before the simulation starts."""
         link = self._sonde.link if self._sonde is not None else None
         if link is None:
             return []

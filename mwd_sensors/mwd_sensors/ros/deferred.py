@@ -19,7 +19,7 @@ class DeferredResponse:
         self._sender: Callable[[Any], None] | None = None
 
     def send_through(self, sender: Callable[[Any], None]) -> None:
-        """Set the function that sends the response; it is called once, after the service callback has returned."""
+        """Set the function that sends the response; `send` calls this function, and only once."""
         self._sender = sender
 
     def send(self, response: Any) -> None:

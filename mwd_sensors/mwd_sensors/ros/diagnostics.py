@@ -70,7 +70,7 @@ class CallbackFailures:
 
 
 def clock_diagnostics(sim_time: bool, now_ns: int) -> list[Diagnostic]:
-    """Return a warning if the node uses simulated time and no clock message has arrived yet."""
+    """Return a list with a warning if the node uses simulated time and its time, now_ns, is still 0; else []."""
     if not sim_time or now_ns > 0:
         return []
     remedy = "start a publisher of /clock (`mwd replay`), or set use_sim_time to false"

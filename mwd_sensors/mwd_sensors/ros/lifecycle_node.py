@@ -213,7 +213,11 @@ class GraphNode(LifecycleNode, Generic[T]):
         self._entities.append((subscription, lambda: self.destroy_subscription(subscription)))
 
     def add_buffered_subscription(self, msg_type: Any, topic: str, qos: QoSProfile) -> MessageBuffer:
-        """Create a subscription without callback; serialised messages wait in the middleware until they are read."""
+        """
+        Create a subscription without callback and return its buffer.
+
+        Serialised messages wait in the middleware until they are read from the buffer.
+        """
         events = self._middleware.of_subscription(topic, qos)
         subscription = self.create_subscription(
             msg_type, topic, lambda _message: None, qos, raw=True, event_callbacks=events
@@ -257,9 +261,10 @@ class GraphNode(LifecycleNode, Generic[T]):
         cancel_goal: Callable[[DeferredGoal], None],
     ) -> None:
         """
-        Create an action server whose result has `success` and `message`; an inactive node answers with the reason.
+        Create an action server whose result has `success` and `message`.
 
-        The callbacks are those of `DeferredActionServer`: a goal ends when `DeferredGoal.finish` is called.
+        For an inactive node, and for a request that breaks the rules of `request_rules`, the result is the reason. The
+        callbacks are those of `DeferredActionServer`: a goal ends when `DeferredGoal.finish` is called.
         """
 
         def call(callback: Callable[[DeferredGoal], None], goal: DeferredGoal) -> None:
@@ -322,9 +327,10 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def request_stop(self) -> None:
         """
-        End the process once subscribers have received the last messages; the caller must not publish after this.
+        End the process once reliable subscribers have acknowledged the last messages, or after `_ACKNOWLEDGEMENT_TIME`.
 
-        The last diagnostics of the node are among these messages, so that others know why the node has ended.
+        The caller must not publish afterwards. The last diagnostics of the node are among these messages, so that other
+        nodes know why this node has ended.
         """
         if self._stop_timer is None:
             self._publish_diagnostics()
@@ -368,7 +374,11 @@ class GraphNode(LifecycleNode, Generic[T]):
             self.trigger_activate()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Configure completely, or destroy what was created and fail."""
+        """
+        Configure completely, or destroy what was created and return FAILURE.
+
+        If SROS2 refused a topic, service or action, the process ends too.
+        """
         try:
             self.configure()
         except Exception as error:  # noqa: BLE001  (the lifecycle would swallow the reason)
@@ -383,7 +393,11 @@ class GraphNode(LifecycleNode, Generic[T]):
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Activate the publishers, then the node; drop messages that were buffered before."""
+        """
+        Activate the publishers, then the node; drop messages that were buffered before.
+
+        Return ERROR if `activate` raises.
+        """
         result = super().on_activate(state)
         for buffer in self._buffers:
             buffer.take()

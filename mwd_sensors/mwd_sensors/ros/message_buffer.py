@@ -36,7 +36,7 @@ class MessageBuffer:
         self.subscription = subscription
 
     def take(self) -> list[ReceivedMessage]:
-        """Remove and return the waiting messages, oldest first."""
+        """Remove and return the waiting messages, oldest first, at most `_MAX_TAKEN`."""
         taken: list[ReceivedMessage] = []
         reader, msg_type = self.subscription.handle, self.subscription.msg_type
         with reader:

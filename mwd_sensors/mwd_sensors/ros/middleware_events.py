@@ -46,7 +46,7 @@ class MiddlewareEvents:
         self._twice_since: float | None = None
 
     def of_subscription(self, topic: str, qos: QoSProfile) -> SubscriptionEventCallbacks:
-        """Return the event callbacks of a subscription."""
+        """Return the callbacks that note an incompatible profile and several publishers of a subscription."""
 
         def matched(event: Any) -> None:
             # Topics outside the well, such as /diagnostics, have many publishers.
@@ -87,7 +87,11 @@ class MiddlewareEvents:
         return found + [self._named(topic) for topic in self._several if self._lasting(topic)]
 
     def _second_node(self) -> list[Diagnostic]:
-        """Return an error if another node has the same name, because both nodes then answer the same requests."""
+        """
+        Return an error if another node has had the same name for `_SAME_NAME_S`; else an empty list.
+
+        Two nodes of one name answer the same requests.
+        """
         own = f"{self._node.get_namespace().rstrip('/')}/{self._node.get_name()}"
         every = self._node.get_node_names_and_namespaces()
         count = sum(f"{space.rstrip('/')}/{name}" == own for name, space in every)

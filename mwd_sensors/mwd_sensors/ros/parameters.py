@@ -43,8 +43,9 @@ class SettingsParameters(Generic[T]):
 
     Every field of the dataclass is declared under its dotted name with meaning, unit, range and read-only flag. A
     change is checked as a whole, by the rules of a configuration file and by `check`, which raises ValueError for
-    settings that the node cannot work with. A refused change has no effect. `given`: values given at start, see
-    `given_at_start`. `live` decides which names can change at run time; all other names are read-only.
+    settings that the node cannot work with. A refused change has no effect; after an accepted change `changed` is
+    called with the settings in force. `given`: values given at start, see `given_at_start`. `live` decides which names
+    can change at run time; all other names are read-only.
 
     Raises
     ------
@@ -122,7 +123,7 @@ class SettingsParameters(Generic[T]):
 
 
 def describe(name: str, value: Any, rule: Rule) -> ParameterDescriptor:
-    """Return the descriptor with meaning, unit and range; a missing bound becomes the largest number of that sign."""
+    """Return the descriptor with meaning, unit and range; a missing bound is the largest float, for integers 2^62."""
     descriptor = ParameterDescriptor(name=name, description=rule.text(), read_only=rule.fixed)
     if rule.low is None and rule.high is None:
         return descriptor

@@ -76,7 +76,7 @@ LONG_QUEUE = 5000
 
 
 def offered(profile: QoSProfile) -> QoSProfile:
-    """Copy a profile for a publisher: reliable, so that best-effort and reliable subscriptions receive its messages."""
+    """Return a copy of a profile, but reliable, so that best-effort and reliable subscriptions receive its messages."""
     return QoSProfile(
         history=profile.history,
         depth=profile.depth,
@@ -89,7 +89,7 @@ def offered(profile: QoSProfile) -> QoSProfile:
 
 
 def buffered(profile: QoSProfile) -> QoSProfile:
-    """Copy a profile with a long queue and no deadline, for messages that are read or published many at once."""
+    """Copy a profile with a long queue, no deadline and no lease, for messages read or published many at once."""
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
         depth=LONG_QUEUE,

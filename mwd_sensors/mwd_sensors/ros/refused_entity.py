@@ -54,7 +54,7 @@ def is_enforced(environment: Mapping[str, str]) -> bool:
 
 
 def security_refusal(environment: Mapping[str, str], error: str) -> str:
-    """Explain in one sentence why a secured node does not start; empty if security is not enforced."""
+    """Return in one sentence why a secured node does not start; empty if security is not enforced."""
     if not is_enforced(environment):
         return ""
     keystore = environment.get("ROS_SECURITY_KEYSTORE", "")

@@ -36,7 +36,11 @@ class TopicPublisher(LifecyclePublisher):
     on_published: Callable[[Any], None] | None = None
 
     def publish(self, msg: Any) -> None:
-        """Publish a message, with a second try if the first is refused; an inactive publisher publishes nothing."""
+        """
+        Publish a message; if the middleware refuses it twice, call `on_refusal`.
+
+        An inactive publisher publishes nothing.
+        """
         try:
             super().publish(msg)
         except RCLError:
@@ -48,7 +52,12 @@ class TopicPublisher(LifecyclePublisher):
             self.on_published(msg)
 
     def publish_rows(self, rows: wire.Rows) -> None:
-        """Publish each row of serialised bytes as one message, in order; an inactive publisher publishes nothing."""
+        """
+        Publish each row of serialised bytes, shape (n, size), as one message, in order.
+
+        A refused message is reported, without a second try; `on_published` is not called. An inactive publisher
+        publishes nothing.
+        """
         if not len(rows) or not self.is_activated:
             return
         size, joined, writer = rows.shape[1], rows.tobytes(), self.handle

@@ -5,7 +5,7 @@ Battery of the sonde and the state that its electronics report.
 The battery has less capacity in cold and in heat. Each drawn charge is divided by the capacity at the temperature of
 that moment, and the battery is empty when the sum of these shares is 1. The voltage is modelled on lithium thionyl
 chloride cells: it is nearly constant until the charge is almost used, minus the voltage drop over the internal
-resistance, which grows in the cold. The charge counter of the tool has a scale error that is constant during a run.
+resistance, which grows in the cold. The charge counter of the tool has a scale error that is constant in a simulation.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class SondeBattery(Pack):
 
 class BatteryModel:
     """
-    State of the battery during a simulated run, and errors of the tool's meters.
+    State of the battery in a simulation, and errors of the tool's meters.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class BatteryModel:
         Parameters
         ----------
         t : ndarray, shape (n,)
-            End of each step, s of the run. Call this method for all steps in order.
+            End of each step, simulation time, s. Call this method for all steps in order.
         stamps : ndarray of int64, shape (n,)
             Stamps of the ends, ns since 1970.
         celsius : ndarray, shape (n,)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulate a tool with a carrier: after each flow-on it sends a survey once, then toolfaces repeatedly."""
+"""Simulate a tool with a carrier: after each flow-on the tool sends a survey once, then toolfaces repeatedly."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def transmit(
     tool: ToolConfiguration, flows: tuple[tuple[float, float], ...], seed: int, clock: float = 0.0
 ) -> CarrierSent:
     """
-    Simulate the transmission of random values.
+    Return the simulated transmission of random values.
 
     Parameters
     ----------
@@ -175,7 +175,12 @@ def transmit(
 def siren_run(
     channel: MudChannel, sent: CarrierSent, seconds: float, seed: int, amplitude_pa: float = SIREN_PA
 ) -> LinkRun:
-    """Simulate the standpipe pressure of a channel with a siren in place of the valve; seed is that of the noise."""
+    """
+    Return the simulated standpipe pressure with a siren in place of the valve.
+
+    sent : signal of the siren. seconds : duration, s. seed : seed of the noise. amplitude_pa : amplitude of the siren,
+    Pa.
+    """
     siren = dataclasses.replace(channel, valve_pa=amplitude_pa, rise_s=_SIREN_RISE_S)
     return link_run(siren, SentTransmission(sent.words, np.zeros((0, 2))), seconds, seed, sent.drive)
 

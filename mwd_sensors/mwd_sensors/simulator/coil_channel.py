@@ -127,7 +127,7 @@ class CoilVoltage:
         return complex(dipole_field(offset, self._coil.moment_a_m2 * axis, self._wave) @ self._axis)
 
     def block(self) -> Array:
-        """Return the next block of voltage, V, at 250 Hz."""
+        """Return the next block of voltage, V, at 250 Hz, shape (n,)."""
         channel, count, begin = self._channel, self._count, self.seconds
         time = begin + np.arange(count) / RATE_HZ
         first, last = self.coupling(begin), self.coupling(begin + count / RATE_HZ)
@@ -157,7 +157,7 @@ class CoilVoltage:
 
 
 def coil_run(channel: CoilChannel, coil: Coil, sent: CarrierSent, seconds: float, seed: int) -> tuple[Array, Array]:
-    """Simulate a level sonde at the wellhead that points north; return times, s, and voltages, V, (n,) each."""
+    """Return times, s, and receiver voltages, V, shape (n,) each, for a level sonde at the wellhead, pointing north."""
     stream = CoilVoltage(channel, coil, lambda _at: (np.zeros(3), np.array([1.0, 0.0, 0.0])), sent.drive, seed)
     voltage = np.concatenate([stream.block() for _ in range(math.ceil(seconds))])
     return np.arange(len(voltage)) / RATE_HZ, voltage

@@ -99,7 +99,7 @@ class EarthVoltage:
         return self._block * self._count / RATE_HZ
 
     def block(self) -> Array:
-        """Return the next block of voltage, V, at 250 Hz."""
+        """Return the next block of voltage, V, at 250 Hz, shape (n,)."""
         noise, count = self._channel.noise, self._count
         time = (self._block * count + np.arange(count)) / RATE_HZ
         whole = scipy.signal.oaconvolve(np.asarray(self._drive(time), dtype=float), self._taps)
@@ -145,7 +145,7 @@ class EarthVoltage:
 
 
 def earth_run(channel: EarthChannel, sent: CarrierSent, seconds: float, seed: int) -> tuple[Array, Array]:
-    """Simulate the surface voltage during a transmission; return times, s, and voltages, V, shape (n,) each."""
+    """Return times, s, and simulated surface voltages, V, of a transmission, shape (n,) each."""
     stream = EarthVoltage(channel, sent.drive, seed)
     blocks = []
     while stream.seconds < seconds:

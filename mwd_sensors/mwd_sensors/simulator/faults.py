@@ -111,7 +111,7 @@ def check(fault: Fault) -> None:
     ValueError
         A fault of whole messages, a fault of the temperature sensor, or a wrong unit (`in_g` and others) is given for
         one axis; a fault of `MOUNTING` is given for the temperature sensor; a wrong unit is a unit of another quantity;
-        two axes are given for a fault other than a swap; or a swap or turn has no axes.
+        two axes are given for a fault other than a swap; a swap does not have two axes; or a turn has no axis.
     """
     if fault.axis != "all" and fault.component == "temperature":
         raise ValueError(f"the temperature sensor has no axes: axis must be 'all', not {fault.axis!r}")
@@ -135,7 +135,7 @@ def check(fault: Fault) -> None:
 
 @dataclasses.dataclass
 class FaultState:
-    """Faults of a run, their random numbers, and the earlier values that stuck and delayed sensors repeat."""
+    """Faults of a simulation, their random numbers, and the earlier values that stuck and delayed sensors repeat."""
 
     faults: list[Fault]
     rngs: dict[str, np.random.Generator]
@@ -156,7 +156,7 @@ def spoil(
     """
     Apply the faults in force to the samples of one topic; return the published samples and their times.
 
-    t, shape (n,), is the time of the run of each sample, s. The result does not depend on the length of the blocks.
+    t, shape (n,), is the simulation time of each sample, s. The result does not depend on the length of the blocks.
     """
     count = state.seen.get(topic, 0)
     state.seen[topic] = count + len(samples)
@@ -291,7 +291,12 @@ def _delay(
 
 @dataclasses.dataclass
 class LinkState:
-    """State of the connection of one topic."""
+    """
+    State of the connection of one topic.
+
+    burst_start : simulation time of the present or next interval without messages, s. waiting : message that the next
+    message will overtake; None if there is none.
+    """
 
     link: MessageFaults
     rng: np.random.Generator
@@ -309,7 +314,7 @@ def carry(state: LinkState, samples: Samples, t: NDArray[np.float64]) -> tuple[S
     """
     Apply the connection to samples: lose, duplicate or reorder them; return the arriving samples and their times.
 
-    t, shape (n,), is the time of the run, s. Random numbers are drawn per sample, so that the result does not depend on
+    t, shape (n,), is the simulation time, s. Random numbers are drawn per sample, so that the result does not depend on
     the length of the blocks.
     """
     link = state.link
@@ -337,7 +342,7 @@ def carry(state: LinkState, samples: Samples, t: NDArray[np.float64]) -> tuple[S
 
 
 def jumped(link: MessageFaults, stamp_ns: NDArray[np.int64], t: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Add the jump of the clock to stamps, ns, shape (n,); t, shape (n,), is the time of the run, s."""
+    """Return stamps, ns, shape (n,), with the jump of the clock added; t, shape (n,), is the simulation time, s."""
     if not link.clock_jump_s:
         return stamp_ns
     jump = np.int64(round(link.clock_jump_s * 1e9))

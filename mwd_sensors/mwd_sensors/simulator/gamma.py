@@ -123,14 +123,15 @@ class GammaDetector:
 
     def expected(self, md: ArrayLike, direction: ArrayLike) -> Array:
         """
-        Return the natural gamma of the rock weighted by the detector's sensitivity, gAPI, without noise.
+        Return the natural gamma of the rock weighted by the detector's sensitivity, gAPI, without noise; shape (n,).
 
         Parameters
         ----------
         md : array_like, shape (n,)
             Measured depth of the detector, m.
         direction : array_like, shape (n,)
-            Angle of the window from the high side, clockwise looking down-hole, rad.
+            Angle of the window from the high side, clockwise looking down-hole, rad; not used if rock is given by depth
+            "md".
         """
         item = self.settings
         md, direction = np.broadcast_arrays(np.asarray(md, dtype=float), np.asarray(direction, dtype=float))
@@ -156,8 +157,8 @@ class GammaDetector:
         Parameters
         ----------
         index, stamps : ndarray of int64, shape (n,)
-            Number of each output since the start of the run, and its stamp, ns. Call this method for all outputs in
-            order.
+            Number of each output since the start of the simulation, and its stamp, ns. Call this method for all
+            outputs in order.
         toolface : ndarray, shape (n,)
             Gravity toolface, rad.
         bit : ndarray, shape (n,)

@@ -108,7 +108,7 @@ _MARKOV_PEAK = 0.6174
 
 
 def gyro_triad(g: GyroGrade, rng: np.random.Generator) -> Triad:
-    """Draw the errors of a gyro triad of a grade at random; the unit of the readings is rad/s."""
+    """Return a gyro triad of a grade with random errors; the unit of the readings is rad/s."""
     deg_h = math.radians(1.0) / 3600.0
     return Triad(
         matrix=_matrix(g.scale_ppm, g.misalignment_mrad, rng),
@@ -127,7 +127,7 @@ def gyro_triad(g: GyroGrade, rng: np.random.Generator) -> Triad:
 
 
 def accelerometer_triad(a: AccelerometerGrade, rng: np.random.Generator) -> Triad:
-    """Draw the errors of an accelerometer triad of a grade at random; the unit of the readings is m/s^2."""
+    """Return an accelerometer triad of a grade with random errors; the unit of the readings is m/s^2."""
     ug = STANDARD_GRAVITY * 1e-6
     return Triad(
         matrix=_matrix(a.scale_ppm, a.misalignment_mrad, rng),
@@ -146,7 +146,7 @@ def accelerometer_triad(a: AccelerometerGrade, rng: np.random.Generator) -> Tria
 
 
 def magnetometer_triad(m: MagnetometerGrade, rng: np.random.Generator) -> Triad:
-    """Draw the errors of a magnetometer triad of a grade at random, T; `noise` is 1 sigma of one sample, T."""
+    """Return a magnetometer triad of a grade with random errors, T; `noise` is 1 sigma of one sample, T."""
     return Triad(
         matrix=_matrix(m.scale_ppm, m.misalignment_mrad, rng),
         bias=m.bias_nt * 1e-9 * rng.standard_normal(3),

@@ -48,7 +48,7 @@ class Anomaly:
     """
     Disturbance of the field at one depth.
 
-    Between two depths it is interpolated linearly; above the first and below the last depth it is constant.
+    Between two depths the field is interpolated linearly; above the first and below the last depth it is constant.
     """
 
     md_m: float = setting(doc="measured depth of the sonde", unit="m", low=-100.0, high=20000.0)
@@ -80,7 +80,7 @@ class Diurnal:
 
 @dataclasses.dataclass(frozen=True)
 class Interference:
-    """All magnetic disturbances of one run."""
+    """All magnetic disturbances of one simulation."""
 
     axial_nt: float = setting(0.0, "Field of the drill string along the tool axis.", unit="nT", low=-1e6, high=1e6)
     axial_relative: float = setting(
@@ -116,7 +116,20 @@ class Interference:
 
 @dataclasses.dataclass(frozen=True)
 class Disturbance:
-    """Magnetic disturbances of one run in SI units; the random poles of the settings (`Interference`) are drawn."""
+    """
+    Magnetic disturbances of one simulation in SI units; the random poles of the settings (`Interference`) are drawn.
+
+    Attributes
+    ----------
+    hard : ndarray, shape (3,)
+        Field of the drill string in tool axes, T.
+    soft : ndarray, shape (3, 3)
+        Soft-iron matrix in tool axes.
+    anomaly_md, anomaly_n : ndarray, shape (k,) and (k, 3)
+        Measured depth, m, and field in NED, T, of the anomalies.
+    pole_position, pole_strength : ndarray, shape (p, 3) and (p,)
+        Position in NED, m, and strength, Wb, of the poles in the ground.
+    """
 
     hard: Array
     soft: Array
@@ -154,7 +167,7 @@ class Disturbance:
 
 
 def disturbance(interference: Interference, total: float, rng: np.random.Generator) -> Disturbance:
-    """Convert an `Interference` to SI and draw its random poles; total is the strength of the Earth's field, T."""
+    """Return an `Interference` in SI, with random poles drawn; total is the strength of the Earth's field, T."""
     positions = [pole.position_m for pole in interference.poles]
     strengths = [pole.strength_uwb * 1e-6 for pole in interference.poles]
     for well in interference.offset_wells:
@@ -187,7 +200,8 @@ def pole_field(position_n: Array, poles_n: Array, strength: Array) -> Array:
     """
     Return the field of magnetic poles, T, shape (n, 3): the sum of strength r / (4 pi |r|^3).
 
-    position_n, shape (n, 3), and poles_n, shape (p, 3), are in m, strength, shape (p,), in Wb.
+    position_n, shape (n, 3), and poles_n, shape (p, 3), are in m, strength, shape (p,), in Wb. |r| is at least
+    `_CLOSEST`.
     """
     field = np.zeros((len(position_n), 3))
     for pole, flux in zip(poles_n, strength, strict=True):
@@ -205,11 +219,19 @@ def joint_field(joints: ToolJoints, md: Array) -> Array:
 
 
 def to_tool(mat_nt: Array, vector_n: Array) -> Array:
-    """Turn vectors, (n, 3) or (3,), from NED to tool axes by mat_nt, (n, 3, 3), with the same bits on all machines."""
+    """
+    Turn vectors, (n, 3) or (3,), from NED to tool axes by mat_nt, (n, 3, 3); return shape (n, 3).
+
+    Plain sums give the same bits on all machines.
+    """
     v = vector_n.reshape(-1, 3)
     return np.asarray(mat_nt[:, 0, :] * v[:, 0:1] + mat_nt[:, 1, :] * v[:, 1:2] + mat_nt[:, 2, :] * v[:, 2:3])
 
 
 def to_tool_matrix(matrix: Array, vectors: Array) -> Array:
-    """Multiply one matrix, (3, 3), with vectors, (n, 3), by plain sums, with the same bits on all machines."""
+    """
+    Multiply one matrix, (3, 3), with each of the vectors, (n, 3); return shape (n, 3).
+
+    Plain sums give the same bits on all machines.
+    """
     return np.asarray(vectors[:, 0:1] * matrix[:, 0] + vectors[:, 1:2] * matrix[:, 1] + vectors[:, 2:3] * matrix[:, 2])

@@ -34,13 +34,13 @@ class OnAir(NamedTuple):
     link : str
         Name of the link: mud_pulse, em, coil or serial.
     start_s : float
-        Time of the start, s of the run.
+        Simulation time of the start, s.
     edges_s, phases, octets : tuple of float, tuple of float, bytes
         Content as in `telemetry.on_air.GroupSignal`; only the field that belongs to the link is filled.
     width_s : float
-        Duration of a pulse or symbol.
+        Duration of a pulse or symbol, s.
     frequency_hz : float
-        Carrier frequency.
+        Carrier frequency, Hz.
     """
 
     link: str
@@ -70,7 +70,7 @@ class Heard(NamedTuple):
     ----------
     link : str
     start_s, period_s : float
-        Time of the first sample, s of the run, and time between samples.
+        Simulation time of the first sample, s, and time between samples, s.
     values : ndarray, shape (n,)
         Samples in Pa or V, or bytes of type uint8.
     strokes : list of (int, float)
@@ -96,7 +96,7 @@ class LinkChannel(Protocol):
         ...
 
     def advance(self, until_s: float) -> list[Heard]:
-        """Return the blocks received since the last call, up to a time of the run, s."""
+        """Return the blocks received since the last call, up to a simulation time, s."""
         ...
 
 
@@ -131,7 +131,7 @@ class MudLink:
         self._pressure.deepen(self._well)
 
     def advance(self, until_s: float) -> list[Heard]:
-        """Return the received blocks up to a time of the run, s; see `LinkChannel`."""
+        """Return the received blocks up to a simulation time, s; see `LinkChannel`."""
         blocks = []
         while self._pressure.seconds + BLOCK_S <= until_s + 1e-9:
             start = self._pressure.seconds
@@ -172,7 +172,7 @@ class EarthLink:
         self._voltage.deepen(self._ground)
 
     def advance(self, until_s: float) -> list[Heard]:
-        """Return the received blocks up to a time of the run, s; see `LinkChannel`."""
+        """Return the received blocks up to a simulation time, s; see `LinkChannel`."""
         blocks = []
         while self._voltage.seconds + BLOCK_S <= until_s + 1e-9:
             start = self._voltage.seconds
@@ -205,7 +205,7 @@ class CoilLink:
         """Do nothing: the strength follows the position of the sonde from block to block."""
 
     def advance(self, until_s: float) -> list[Heard]:
-        """Return the received blocks up to a time of the run, s; see `LinkChannel`."""
+        """Return the received blocks up to a simulation time, s; see `LinkChannel`."""
         blocks = []
         while self._voltage.seconds + BLOCK_S <= until_s + 1e-9:
             start = self._voltage.seconds
@@ -243,7 +243,7 @@ class WireLink:
         """Do nothing: a wire does not change with depth."""
 
     def advance(self, until_s: float) -> list[Heard]:
-        """Return the received blocks up to a time of the run, s; see `LinkChannel`."""
+        """Return the received blocks up to a simulation time, s; see `LinkChannel`."""
         self._until = max(self._until, until_s)
         heard = []
         while self._sent and self._sent[0][0] + len(self._sent[0][1]) * self._period_s <= until_s:

@@ -80,7 +80,11 @@ def _along(tangent: Array, normal: Array, curvature: float, length: float) -> Ar
 
 @dataclasses.dataclass(frozen=True)
 class SimulatedMotion:
-    """Motion of a whole run, for which all random numbers are drawn; `at` computes it at any instant."""
+    """
+    Motion of a whole simulation, for which all random numbers are drawn; `at` computes the motion at any instant.
+
+    sensor_to_bit : distance from the sensors to the bit along the hole, m.
+    """
 
     path: WellPath
     timeline: Timeline
@@ -123,7 +127,11 @@ class SimulatedMotion:
         return out
 
     def place(self, at_s: float) -> tuple[Array, Array]:
-        """Return position, m, north, east, down, and direction of the tool axis at a time, s; each of shape (3,)."""
+        """
+        Return position, m, north, east, down, and direction of the tool axis, each of shape (3,).
+
+        at_s: time, s, rounded to milliseconds.
+        """
         there = self.at(round(1000.0 * at_s), 1, 1000.0)  # `at` counts instants, here in milliseconds
         return there.position_n[0], there.mat_nt[0, :, 0]
 

@@ -70,7 +70,7 @@ class PumpStream:
         Return the flow of this pump at the next n samples, m^3/s, shape (n,).
 
         flow, shape (n,), is the mean flow at these samples as a share of the full flow; the stroke rate is proportional
-        to it.
+        to the mean flow.
         """
         pump, n = self._pump, len(flow)
         decay = math.exp(-1.0 / (self._rate * pump.hunting_s))
@@ -211,7 +211,11 @@ class Pressure:
         return self._block * self._count / RATE_HZ
 
     def add_pulse(self, begin: float, end: float) -> bool:
-        """Close the valve from begin to end, s after the start; return False if begin is before `seconds`."""
+        """
+        Close the valve from begin to end, s after the start; return False if begin is before `seconds`.
+
+        The part of the pulse before `seconds` is then lost.
+        """
         self._pulses = np.vstack([self._pulses[self._pulses[:, 1] > self.seconds - 60.0], (begin, end)])
         return begin >= self.seconds
 

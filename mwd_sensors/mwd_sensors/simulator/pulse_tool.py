@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulate a pulse tool: after each flow-on it sends a sync and a survey once, then toolfaces repeatedly."""
+"""Simulate a pulse tool: after each flow-on the tool sends a sync and a survey once, then toolfaces repeatedly."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class SentTransmission:
 @dataclasses.dataclass(frozen=True)
 class LinkRun:
     """
-    Simulated run with a transmission through mud.
+    Simulated transmission through mud, with the standpipe pressure.
 
     time_s and pressure_pa, shape (n,): times, s, and standpipe pressure, Pa. strokes_s: times of the counted strokes
     of each pump, s. sent: the transmission.
@@ -59,7 +59,7 @@ def transmit(
     tool: ToolConfiguration, flows: tuple[tuple[float, float], ...], seed: int, clock: float = 0.0, resync: bool = False
 ) -> SentTransmission:
     """
-    Simulate the transmission of random values.
+    Return the simulated transmission of random values.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def link_run(
     drive: Callable[[Array], Array] = np.zeros_like,
 ) -> LinkRun:
     """
-    Simulate the standpipe pressure of a channel during a transmission.
+    Return the simulated standpipe pressure of a channel during a transmission.
 
     seed is the seed of the noise; drive returns the signal of a siren, -1 to 1, at times, s.
     """

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Scenario: the settings of one simulated run of a sonde.
+Scenario: the settings of one simulation of a sonde.
 
 The settings describe place and date, hole, schedule, vibration, instruments, magnetic disturbances, faults, and the
 seed of all random numbers.
@@ -44,7 +44,7 @@ class ScenarioPlace:
 
 @dataclasses.dataclass(frozen=True)
 class ScenarioWell:
-    """The hole, and the position in it at the start of the run."""
+    """The hole, and the position in it at the start of the simulation."""
 
     convention: str = setting(
         AngleConvention.INCLINATION.value,
@@ -116,7 +116,7 @@ class ClockErrors:
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
-    """Settings of one simulated run."""
+    """Settings of one simulation."""
 
     name: str = setting("unnamed", "Name of the scenario, one word.")
     about: str = setting("", "Purpose of the scenario in one sentence.")
@@ -174,8 +174,8 @@ class Scenario:
         Check the scenario.
 
         Raise ValueError for a date that is not readable, a schedule without phases, a fault that is not possible,
-        stick-slip or hunting in a run with steering, or rates of kinematics, converter, output and rig that are not
-        multiples of each other.
+        stick-slip or hunting in a scenario with steering, or rates of kinematics, converter, output and rig that are
+        not multiples of each other.
         """
         parse_date(self.date)
         if not self.schedule:
@@ -198,7 +198,7 @@ class Scenario:
 
 def parse_date(text: str) -> datetime.datetime:
     """
-    Return the start of a run in universal time.
+    Return the start of a simulation in universal time.
 
     Raises
     ------
@@ -231,7 +231,16 @@ def parse(text: str, changes: Mapping[str, Any] | None = None) -> Scenario:
 
 
 def read(path: str | pathlib.Path, changes: Mapping[str, Any] | None = None) -> Scenario:
-    """Read a scenario from a YAML file; errors as for `parse`, with the name of the file in the message."""
+    """
+    Read a scenario from a YAML file; changes as for `parse`.
+
+    Raises
+    ------
+    SettingsError
+        The errors of `parse`, with the name of the file in the message; or the file is not UTF-8.
+    OSError
+        The file cannot be read.
+    """
     path = pathlib.Path(path)
     try:
         return parse(read_text(path, budgets.YAML), changes)
@@ -240,7 +249,11 @@ def read(path: str | pathlib.Path, changes: Mapping[str, Any] | None = None) -> 
 
 
 def _with_missing_code(given: dict[str, Any]) -> dict[str, Any]:
-    """Set `missing_code` of the tool unless the scenario sets it, so that the tool reports missing values."""
+    """
+    Return the settings with `missing_code` of the tool true, unless the settings set it.
+
+    The tool then reports missing values.
+    """
     telemetry = given.get("telemetry")
     if not isinstance(telemetry, Mapping) or not isinstance(telemetry.get("tool", {}), Mapping):
         return given

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Find the scenarios that come with the project by their names."""
+"""Find by name the scenarios that come with the project."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class Rig:
 @dataclasses.dataclass(frozen=True)
 class Timeline:
     """
-    Schedule of a run as functions of time.
+    Schedule of a simulation as functions of time.
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ class _Lanes:
         return self.bit.rate != 0.0 or self.angle.rate != 0.0
 
     def jump(self, targets: Targets) -> None:
-        """Set the profiles to their targets at once, for a run that starts in the middle of a phase."""
+        """Set the profiles to their targets at once, for a simulation that starts in the middle of a phase."""
         for name, value in targets.items():
             if name in ("bit_rate", "angle_rate"):
                 (self.bit if name == "bit_rate" else self.angle).rate = value
@@ -167,7 +167,11 @@ class _Lanes:
                 self.lanes[name].value = value
 
     def step(self, seconds: float, targets: Targets) -> None:
-        """Append a piece of a length, s, to all profiles, in which the profiles change to their targets."""
+        """
+        Append to all profiles a piece of the given length, s, in which the profiles change to their targets.
+
+        If the length is 0, the profiles change at once (`jump`).
+        """
         if seconds <= 0.0:
             self.jump(targets)
             return
@@ -206,7 +210,7 @@ def timeline(
     toolface: float = 0.0,
 ) -> Timeline:
     """
-    Convert a schedule to profiles.
+    Return the profiles of a schedule.
 
     Parameters
     ----------
@@ -220,6 +224,11 @@ def timeline(
         Random numbers for the whirl bursts.
     toolface : float
         Angle of the string at time zero, rad.
+
+    Raises
+    ------
+    ValueError
+        A phase of drilling, sliding or circulation is not longer than the ramp of the rig.
     """
     lanes = _Lanes(bit_m, rig, toolface)
     first = True
@@ -379,7 +388,11 @@ class Profile:
 
 
 class ProfileBuilder:
-    """Builder of a `Profile`, to which pieces are added one after the other; starts with a value and a rate."""
+    """
+    Builder of a `Profile`, to which pieces are added one after the other; starts with a value and a rate.
+
+    time : end of the last piece, s. value, rate : value at that time, and the value's rate of change per s.
+    """
 
     def __init__(self, value: float = 0.0, rate: float = 0.0) -> None:
         self.time = 0.0
@@ -394,7 +407,11 @@ class ProfileBuilder:
             self._add(seconds, [self.value, self.rate, 0.0, 0.0, 0.0, 0.0, 0.0])
 
     def to_rate(self, rate: float, seconds: float) -> None:
-        """Change the rate to a new rate within a time, s; the rate and its first two derivatives stay continuous."""
+        """
+        Change the rate to a new rate within a time, s; the rate and its first two derivatives stay continuous.
+
+        If the time is 0, the rate changes at once.
+        """
         change, s = rate - self.rate, seconds
         if change == 0.0 or s <= 0.0:
             self.hold(seconds)
@@ -405,7 +422,7 @@ class ProfileBuilder:
         self.rate = rate
 
     def to_value(self, value: float, seconds: float) -> None:
-        """Change the value to a new value within a time, s, starting and ending at rest."""
+        """Change the value to a new value within a time, s; the rate is 0 at the beginning and at the end."""
         change, s = value - self.value, seconds
         if change == 0.0:
             self.rate = 0.0
@@ -415,7 +432,11 @@ class ProfileBuilder:
         self.value, self.rate = value, 0.0
 
     def follow(self, other: ProfileBuilder, factor: float = 1.0) -> None:
-        """Append the last segment of another profile to the present value; its change is multiplied by `factor`."""
+        """
+        Append the last segment of another profile, from the present value on.
+
+        factor: multiplies the segment's change.
+        """
         _, *changes = other._terms[-1]
         self._add(other.time - other._starts[-1], [self.value, *(factor * term for term in changes)])
         self.rate = factor * other.rate
@@ -430,7 +451,7 @@ class ProfileBuilder:
         self._starts.append(self.time)
         self._terms.append(terms)
         self.time += seconds
-        # Not sum(): from Python 3.12 on it compensates rounding, and a different last bit would give a different run.
+        # Not sum(): from Python 3.12 on it compensates rounding, and a different last bit would change the simulation.
         value = 0.0
         for term in reversed(terms):
             value = value * seconds + term

@@ -42,7 +42,7 @@ class SerialStream:
         self._next_break()
 
     def _next_break(self) -> None:
-        """Draw the time of the next break, s."""
+        """Draw the time of the next break, s; infinity if the channel has no breaks."""
         hourly = self._channel.breaks_per_hour
         self._break += self._breaks.exponential(3600.0 / hourly) if hourly > 0.0 else np.inf
 

@@ -26,7 +26,7 @@ from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
 from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
 
-# Streams of random numbers. Append new streams and keep the order, so that old seeds give the same runs.
+# Streams of random numbers. Append new streams and keep the order, so that old seeds give the same simulations.
 _STREAMS = (
     "timeline",
     "lines",
@@ -46,7 +46,7 @@ _STREAMS = (
     "gamma",
     "battery",
 )
-# Streams that are drawn anew when the same tool is started again: no two runs of a real sensor have the same noise.
+# Streams that differ from one start of the same tool to the next: a real sensor never has the same noise twice.
 _NOISE = ("ahrs_run", "precision_run", "mag_run", "gamma")
 _TURNING = 0.5  # rad/s; at a lower speed of the top drive the activity is sliding
 
@@ -58,7 +58,7 @@ class Sonde:
     Parameters
     ----------
     scenario : Scenario
-        Settings of the run.
+        Settings of the simulation.
     epoch_ns : int, optional
         Stamp of time zero, ns; the default is the date of the scenario.
     starts_before : int
@@ -69,7 +69,7 @@ class Sonde:
     reference : ReferenceField
         Reference field for surveys at the place and date, or the scenario's override.
     duration : float
-        Length of the run, s.
+        Length of the simulation, s.
     motion : SimulatedMotion
         Exact motion of the sonde.
     string : String or None
@@ -162,7 +162,7 @@ class Sonde:
 
     @property
     def time(self) -> float:
-        """Time of the run up to which samples exist, s; at most 0.1 s (one step) ahead of the returned blocks."""
+        """Simulation time up to which samples exist, s; at most 0.1 s (one step) ahead of the returned blocks."""
         return self._step * self._outputs / self.scenario.rate_hz
 
     def inject(self, fault: faults.Fault) -> None:
@@ -200,12 +200,12 @@ class Sonde:
             self._pumps.release(self.time)
 
     def stamp_ns(self, seconds: float, *, of_tool: bool) -> int:
-        """Return the stamp, ns, of a time of the run, s, by the tool's clock, which drifts, or by the rig's clock."""
+        """Return the stamp, ns, of a simulation time, s, by the tool's clock, which drifts, or by the rig's clock."""
         drift = self.scenario.clock.drift_ppm * 1e-6 if of_tool else 0.0
         return self.epoch_ns + round(seconds * (1.0 + drift) * wire.NANOSECONDS)
 
     def seconds(self, stamp_ns: int) -> float:
-        """Return the time of the run, s, of a stamp of the tool; inverse of `stamp_ns`."""
+        """Return the simulation time, s, of a stamp of the tool; inverse of `stamp_ns`."""
         return (stamp_ns - self.epoch_ns) / wire.NANOSECONDS / (1.0 + self.scenario.clock.drift_ppm * 1e-6)
 
     def blocks(self, seconds: float = 1.0) -> Iterator[dict[str, Samples]]:
@@ -424,7 +424,7 @@ def reference_of(scenario: Scenario) -> earth.ReferenceField:
 def _motion(
     scenario: Scenario, rng: dict[str, np.random.Generator]
 ) -> tuple[motion.SimulatedMotion, CommandedFlow | None]:
-    """Return the motion of a run, and its pumps if they obey commands."""
+    """Return the motion of a simulation, and the pumps if they obey commands."""
     well, vibration = scenario.well, scenario.vibration
     line = timeline(
         scenario.schedule * scenario.cycles,
@@ -514,7 +514,7 @@ _KEPT_S = 600.0  # s; time for which past shares are kept, because pressure and 
 
 class CommandedFlow:
     """
-    Flow of a run whose pumps obey commands.
+    Flow of pumps that obey commands.
 
     Parameters
     ----------
@@ -590,7 +590,7 @@ class MeasuringUnit:
     step, rate : int
         Rate of the kinematics and of the output, Hz.
     draw, run : Generator
-        Random numbers of the tool's constant errors, and of noise and drift during the run.
+        Random numbers of the tool's constant errors, and of noise and drift during the simulation.
 
     Attributes
     ----------

@@ -75,8 +75,9 @@ class SteeringParams(NamedTuple):
     """
     Constants of string and top drive, SI.
 
-    Wall friction, N m, is `kinetic` plus `more` at standstill and `kinetic` at speeds far above `decay`, rad/s.
-    `fastest` (speed while turning to an angle, rad/s), `ramp`, rad/s^2, and `yields`, 1/s, belong to the top drive.
+    The string has `stiffness`, N m/rad, `inertia`, kg m^2, and `damping`, N m s/rad. Wall friction, N m, is `kinetic`
+    plus `more` at standstill and `kinetic` at speeds far above `decay`, rad/s. `fastest` (speed while turning to an
+    angle, rad/s), `ramp`, rad/s^2, and `yields`, 1/s, belong to the top drive.
     """
 
     stiffness: float
@@ -192,7 +193,7 @@ def check(command: SteeringCommand, steering: Steering) -> None:
 
 class String:
     """
-    Top drive, string and motor of one run.
+    Top drive, string and motor of one simulation.
 
     Parameters
     ----------
@@ -229,7 +230,7 @@ class String:
             # Limited by the damping, so that spring and damping torque together stay below the limit.
             yields=min(_YIELD, steering.stiffness_nm_rad / max(steering.damping_nms, 1e-9)),
         )
-        # A run that starts with rotation starts with a wound-up string.
+        # A simulation that starts with rotation starts with a wound-up string.
         start = np.zeros(1)
         speed, motor = float(timeline.angle(start)[1, 0]), float(self._motor(start)[0])
         fall = math.exp(-abs(speed) / (steering.decay_rpm * _RPM))
@@ -241,6 +242,8 @@ class String:
     def command(self, command: SteeringCommand) -> None:
         """
         Obey a command from the next instant on.
+
+        A command to the pumps, and a release while the top drive follows the schedule, change nothing here.
 
         Raises
         ------
@@ -258,7 +261,7 @@ class String:
         state.then = RELEASE if command.returns else HOLD
 
     def prolong(self, valid_for: float) -> None:
-        """Let the command in force hold for another `valid_for`, s, from now, if it is a turn (`ORIENT`)."""
+        """Extend the validity of a turn (`ORIENT`) in force to `valid_for`, s, from now; else do nothing."""
         if self._state[0].mode == ORIENT:
             self._state[0].left = valid_for
 
@@ -297,7 +300,7 @@ class String:
         return turn, drive
 
     def _motor(self, t: Array) -> Array:
-        """Return the reactive torque, N m, shape (n,)."""
+        """Return the reactive torque of the motor, N m, at times t, s, shape (n,)."""
         item, line = self.steering, self._timeline
         working = line.weight(t)[0] / self._full_weight * (line.flow(t)[0] > 0.0)
         waves = np.cos(2.0 * math.pi * self._frequency[:, None] * t + self._phase[:, None]).sum(axis=0)

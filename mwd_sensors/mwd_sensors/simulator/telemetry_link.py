@@ -2,8 +2,8 @@
 """
 Telemetry links of a scenario: the tool's signals go in; pressure and strokes, voltage or bytes come out.
 
-The channels lag behind the run, because the tool must first decide what it sends: `advance` is called with the time up
-to which the tool's signals are complete. The channels run in blocks of one second.
+The channels lag behind the simulation, because the tool must first decide what it sends: `advance` is called with the
+time up to which the tool's signals are complete. The channels run in blocks of one second.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _DEEPER_M = 10.0
 
 @dataclasses.dataclass(frozen=True)
 class Telemetry:
-    """Telemetry links of a scenario; depth, flow and pressure of the channels are those of the run."""
+    """Telemetry links of a scenario; depth, flow and pressure of the channels are those of the scenario."""
 
     tool: ToolConfiguration = setting(ToolConfiguration, "Configuration of the tool's transmission.")
     second_tool: ToolConfiguration | None = setting(
@@ -72,21 +72,26 @@ class Telemetry:
 
 class TelemetryLink:
     """
-    Telemetry links of one run.
+    Telemetry links of one simulation.
 
     Parameters
     ----------
     telemetry : Telemetry
     timeline : Timeline
-        Depth and pumps of the run.
+        Depth and pumps of the simulation.
     rig : Rig
         Drilling flow and pressure.
     seed : int
         Seed of all noise.
     place : callable
-        Position and axis of the sonde at a time of the run, s.
+        Position and axis of the sonde at a simulation time, s.
     clock : float
         Relative error of the tool's clock, positive if the clock runs fast.
+
+    Attributes
+    ----------
+    late : int
+        Number of pulses, symbol groups and frames that came too late for their channel and are lost.
     """
 
     def __init__(
@@ -124,12 +129,12 @@ class TelemetryLink:
 
     def flows(self, until_s: float) -> tuple[Array, Array]:
         """
-        Return the flow that the tool measured since the last call, up to the time until_s of the run, s.
+        Return the flow that the tool measured since the last call, up to the simulation time until_s, s.
 
         Returns
         -------
         ndarray, shape (n,)
-            Times, s of the run.
+            Simulation times, s.
         ndarray, shape (n,)
             Flow at the tool's turbine, m^3/s: the flow of the pumps one wave travel time earlier.
         """
@@ -146,7 +151,7 @@ class TelemetryLink:
         return _FLOW_SIGMA
 
     def advance(self, until_s: float) -> list[Heard]:
-        """Return the received signals of all whole seconds up to a time of the run, s."""
+        """Return the received signals of all whole seconds up to a simulation time, s."""
         heard = []
         while self._done_s + BLOCK_S <= until_s + 1e-9:
             depth = self._depth(self._done_s)

@@ -79,7 +79,7 @@ class Hits(NamedTuple):
 
 
 def draw_lines(vibrations: Vibrations, rng: np.random.Generator) -> SpectralLines:
-    """Return the sines of random vibration, tones, whirl, hunting and stick-slip; most have a random phase."""
+    """Return the sines of random vibration, tones, whirl, hunting and stick-slip; only stick-slip has a fixed phase."""
     rows: list[tuple[int, int, float, float, float]] = []
 
     def band(when: str, channel: int, band_hz: tuple[float, float], count: int, rms: float, power: int) -> None:
@@ -149,7 +149,7 @@ def draw_hits(
     shocks: tuple[Shocks, ...], active: dict[str, list[tuple[float, float]]], rng: np.random.Generator
 ) -> Hits:
     """
-    Draw the shocks of a whole run.
+    Draw the shocks of a whole simulation.
 
     active maps each name of `WHEN` to the intervals (start, end), s, in which its envelope is constant and above 0.5.
     """

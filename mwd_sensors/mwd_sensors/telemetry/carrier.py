@@ -176,7 +176,7 @@ def data_places(carrier: Carrier) -> Indices:
 
 def blocks_of(items: tuple[SequenceItem, ...], capacity: int) -> tuple[tuple[SequenceItem, ...], ...]:
     """
-    Split a sequence into blocks, each with as many whole words as fit.
+    Return the blocks of a sequence in order, each with as many whole words as fit.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def blocks_of(items: tuple[SequenceItem, ...], capacity: int) -> tuple[tuple[Seq
 
 
 def packed(codes: Sequence[int], lengths: Sequence[int], capacity: int) -> bytes:
-    """Concatenate codes, most significant bit first, and fill up with zeros to `capacity` bits."""
+    """Return the codes one after another, most significant bit first, with zeros at the end, `capacity` bits in all."""
     whole = 0
     for code, length in zip(codes, lengths, strict=True):
         whole = whole << length | code
@@ -239,7 +239,7 @@ def symbols(carrier: Carrier, bits: Indices) -> Complex:
 
 
 def mapped(carrier: Carrier, sent: Indices) -> Complex:
-    """Return the symbols of interleaved coded bits, shape (block_symbols,)."""
+    """Return the symbols of a block, shape (block_symbols,): the marker and interleaved coded bits `sent`, 0 or 1."""
     out = np.empty(carrier.block_symbols, dtype=complex)
     first = carrier.half
     out[first : first + MARKER_SYMBOLS] = marker()

@@ -22,7 +22,7 @@ def crc16(data: bytes, start: int = START) -> int:
 
 def signed(data: bytes, start: int = START) -> bytes:
     """
-    Append the check to bytes, high byte first.
+    Return bytes with the check appended, high byte first.
 
     The check is valid only for a receiver with the same start value. A start value that depends on the configuration
     therefore rejects data from a tool with another configuration.

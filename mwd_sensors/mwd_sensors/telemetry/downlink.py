@@ -2,7 +2,7 @@
 """
 Downlink: commands from the surface to the tool by changes of flow or rotation.
 
-A command has 18 bits: counter, command, argument and a check. It is sent as symbols (D-WIS ADCS interface: ramp, hold,
+A command has 18 bits: counter, command, argument and a check. The 18 bits are sent as symbols (D-WIS ADCS: ramp, hold,
 amplitude) of two bits each, with four levels from the drilling value down to `depth` below it. One symbol at the lowest
 level and one at the drilling value precede the data, so that the tool can measure both ends of the scale; the drilling
 value ends the command. A hold lasts two periods of the string's torsional oscillation, so that stick-slip does not

@@ -152,7 +152,7 @@ def is_channel_name(name: str) -> bool:
 
 
 def usual(words: Mapping[str, Word]) -> dict[str, LogChannel]:
-    """Return `CHANNELS`; a channel gets no word if `words` lacks its word or gives it the unit of another quantity."""
+    """Return `CHANNELS`, without the words that are missing in `words` or have another quantity's unit there."""
     found = {}
     for name, channel in CHANNELS.items():
         try:

@@ -15,7 +15,11 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 
 class Group(NamedTuple):
-    """Words sent together: kind ("survey", "toolface") and number of their sequence, position in it, and the words."""
+    """
+    Words sent together.
+
+    kind ("survey", "toolface") and number identify the sequence; place is the position of the group in the sequence.
+    """
 
     kind: str
     number: int
@@ -48,7 +52,7 @@ class GroupSignal(NamedTuple):
 
 def groups(tool: ToolConfiguration, kind: str, number: int) -> tuple[Group, ...]:
     """
-    Split a sequence, sent once, into groups: single words for pulses, blocks for a carrier, one frame for a line.
+    Return the groups of a sequence sent once: single words for pulses, blocks for a carrier, one frame for a line.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class SequenceItem(NamedTuple):
 
 def parse(text: str, words: Mapping[str, Word] = COMMON) -> tuple[SequenceItem, ...]:
     """
-    Parse a sequence and expand its repeats.
+    Return the words of a sequence in order, with its repeats written out.
 
     Parameters
     ----------
@@ -51,7 +51,8 @@ def parse(text: str, words: Mapping[str, Word] = COMMON) -> tuple[SequenceItem, 
     Raises
     ------
     ValueError
-        The text breaks the grammar, names a word that is not in the table, or repeats too often.
+        The text breaks the grammar, names a word that is not in the table, gives a word fewer than 2 or more than
+        `MAX_BITS` bits, or has no word or more than `MAX_WORDS` words.
     """
     levels: list[tuple[int, list[SequenceItem]]] = [(1, [])]
     at = 0

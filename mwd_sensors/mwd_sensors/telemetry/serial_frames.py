@@ -75,7 +75,7 @@ def frame_bytes(items: Sequence[SequenceItem]) -> int:
 
 
 def cobs(data: bytes) -> bytes:
-    """Encode bytes by consistent overhead byte stuffing, so that none is zero."""
+    """Return bytes encoded by consistent overhead byte stuffing, so that no byte is zero."""
     out = bytearray()
     for run in data.split(b"\0"):
         while len(run) >= _LONGEST:

@@ -41,7 +41,7 @@ class ToolSettings(NamedTuple):
     mute: bool = False
 
     def after(self, frame: DownlinkFrame) -> ToolSettings:
-        """Return the settings after a command."""
+        """Return the settings after a command; every command except `mute` ends the silence of an earlier `mute`."""
         changes: dict[int, dict[str, Any]] = {
             _SEQUENCE: {"sequence": frame.argument},
             _PULSE_WIDTH: {"pulse_width": frame.argument},
@@ -141,10 +141,15 @@ def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]
 
 def choices(tool: ToolConfiguration) -> dict[str, tuple[float, ...]]:
     """
-    Return the commands of a tool with the values that a user can choose.
+    Return the commands of a tool by name, with the values that a user can choose (s, Hz, or numbers).
 
     survey_now and mute have no values. Other commands that offer no choice are left out, such as `sequence` for a tool
     with one sequence.
+
+    Raises
+    ------
+    ValueError
+        The tool accepts no commands.
     """
     downlink = downlink_of(tool)
     count = max(len(tool.surveys), len(tool.toolfaces))
@@ -158,7 +163,14 @@ def choices(tool: ToolConfiguration) -> dict[str, tuple[float, ...]]:
 
 
 def about(tool: ToolConfiguration, frame: DownlinkFrame) -> str:
-    """Return the effect of a command in words."""
+    """
+    Return the effect of a command in words.
+
+    Raises
+    ------
+    ValueError
+        The tool accepts no commands, or its tables do not have the argument.
+    """
     downlink = downlink_of(tool)
     name = COMMANDS[frame.command]
     if frame.command == _PULSE_WIDTH:

@@ -336,7 +336,7 @@ def encode(
 
 def from_mapping(given: Mapping[str, Any]) -> ToolConfiguration:
     """
-    Build a configuration from the content of a YAML file; sequences may be a list or a table with names.
+    Return the configuration from the content of a YAML file; sequences may be a list or a table with names.
 
     Raises
     ------

@@ -116,7 +116,7 @@ class ToolPart:
     valid_days: int = setting(365, "Time for which a calibration is valid.", unit="d", low=1, high=10000)
 
     def __post_init__(self) -> None:
-        """Raise ValueError if the day is not a date."""
+        """Raise ValueError if `calibrated` is neither empty nor a date."""
         if self.calibrated:
             try:
                 datetime.date.fromisoformat(self.calibrated)

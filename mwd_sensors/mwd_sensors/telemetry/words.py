@@ -61,18 +61,18 @@ class Word:
         return self.unit == "deg" and self.high - self.low == 360.0 if self.wraps is None else self.wraps
 
     def missing(self, bits: int = 0) -> int | None:
-        """Return the code that means "no measurement"; None if the word has no such code."""
+        """Return the code that means "no measurement"; None if the word has no such code. `bits` as in `sigma_of`."""
         return (1 << (bits or self.bits)) - 1 if self.reserved else None
 
     def codes(self, bits: int = 0) -> int:
-        """Return the number of codes that represent values."""
+        """Return the number of codes that represent values; `bits` as in `sigma_of`."""
         return (1 << (bits or self.bits)) - self.reserved
 
     def step(self, bits: int = 0) -> float:
         """
         Return the distance between neighbouring codes, in the unit of the word; bits = 0 uses the word's own length.
 
-        For a logarithmic word it is the largest distance, at the upper end.
+        For a logarithmic word the result is the largest distance, at the upper end.
         """
         count = self.codes(bits)
         if self.logarithmic:
@@ -81,7 +81,9 @@ class Word:
 
     def code(self, value: float, bits: int = 0) -> int:
         """
-        Return the nearest code of a value; a value outside the range gets the code of the nearer end.
+        Return the nearest code of a value; `bits` as in `sigma_of`.
+
+        A value outside the range gets the code of the nearer end; the value of a circular word wraps instead.
 
         Raises
         ------
@@ -119,7 +121,7 @@ class Word:
         """
         Return 1 sigma of a correctly received word, in the unit of the word.
 
-        It is sqrt(sensor^2 + step^2 / 12 + (rate age)^2): measurement, rounding, and change since the measurement.
+        The result is sqrt(sensor^2 + step^2 / 12 + (rate age)^2): measurement, rounding, and change since then.
 
         Parameters
         ----------

@@ -191,7 +191,11 @@ class BagFiles:
         return listed + extra, about
 
     def _of_one_storage(self, files: list[Path], stated: str) -> list[Path]:
-        """Return the files that have the stated storage, else the most frequent storage; note the files left out."""
+        """
+        Return the files that have the stated storage, else the most frequent storage; note the files left out.
+
+        Raises BagError if no file is a recording.
+        """
         found = {file: storage_of(file) for file in files}
         storages = [storage for storage in found.values() if storage]
         if not storages:
@@ -261,7 +265,11 @@ class BagFiles:
             self.notes.append("messages are compressed one by one: read slowly")
 
     def _join_topics(self, file: McapFile, contents: Contents) -> set[int]:
-        """Add the channels of an MCAP file to the topics; return the numbers of the channels that cannot be read."""
+        """
+        Add the channels of an MCAP file to the topics; return the numbers of the channels that cannot be read.
+
+        A channel whose topic is known with another type or problem is noted and left out.
+        """
         # Test the encoding of a topic only in the first file with its messages, so that a day in a hundred files opens
         # as fast as a single file.
         fresh = {number for number, one in contents.channels.items() if one.topic not in self._probed}
@@ -421,7 +429,11 @@ def files_of(path: Path) -> list[Path]:
 
 
 def storage_of(path: Path) -> str:
-    """Return the storage of a file ("mcap", "sqlite3", "ros1") by its first bytes, else by its name; "" if unknown."""
+    """
+    Return the storage of a file ("mcap", "sqlite3", "ros1") by its first bytes, else by its name; "" if unknown.
+
+    The storage of a compressed file (.zstd) is found by its name only.
+    """
     if path.suffix != ".zstd":
         try:
             with os.fdopen(open_regular(path), "rb") as file:

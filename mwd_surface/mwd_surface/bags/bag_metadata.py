@@ -165,7 +165,11 @@ def serialized(bag: BagMetadata) -> str:
 
 
 def write(folder: Path, bag: BagMetadata) -> None:
-    """Write metadata.yaml atomically: at every moment the folder holds either the old or the new file."""
+    """
+    Write metadata.yaml atomically: at every moment the folder holds either the old or the new file.
+
+    Raises OSError if the file cannot be written.
+    """
     write_whole(folder / FILE_NAME, to_text(bag))
 
 

@@ -206,7 +206,7 @@ class Bag:
         Yield blocks of samples like `blocks`, each with the unchanged messages of all topics in the block's time span.
 
         Each block but the last has at least `block_messages` messages of all topics, and more if many chunks overlap in
-        time. A block may have no sample.
+        time. A block may have no sample. Arguments and errors as in `blocks`.
         """
         wanted = set(self._checked(topics))
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
@@ -237,7 +237,11 @@ class Bag:
             yield from self._in_order(group)
 
     def use_frame(self, topic: str, frame: str) -> None:
-        """Read only the messages of a topic whose header has this frame; for a topic on which several units publish."""
+        """
+        Decode to samples only those messages of a topic whose header has this frame; for a topic of several units.
+
+        This has no effect on `messages`, nor in a recording whose messages are compressed one by one.
+        """
         self._decoder.frames[topic] = frame
 
     @property

@@ -172,7 +172,7 @@ class BagWriter:
         Raises
         ------
         ValueError
-            A topic of that name and type exists already.
+            A topic of that name and type exists already, or the other bag has no schema and `qos` cannot be parsed.
         """
         if (name, type_name) in self._by_name:
             raise ValueError(f"name: {name} of {type_name} was declared already")
@@ -219,12 +219,13 @@ class BagWriter:
         """
         Write one serialised message.
 
-        log_ns, publish_ns : ns since the epoch; by default, publish_ns is log_ns.
+        log_ns, publish_ns : ns since the epoch; by default, publish_ns is log_ns. A publish_ns before 1970 is written
+        as 0.
 
         Raises
         ------
         ValueError
-            The stamp is before 1970 or the channel is unknown.
+            log_ns is before 1970 or the channel is unknown.
         """
         self._check(channel, log_ns)
         self.file.write(channel, data, log_ns, log_ns if publish_ns is None else max(publish_ns, 0))
@@ -253,7 +254,7 @@ class BagWriter:
         self.file.write_rows(channel, rows, log, publish)
 
     def attach(self, name: str, media_type: str, data: bytes, log_ns: int) -> None:
-        """Store a file (a report, a scenario, a calibration) inside the bag."""
+        """Store a file (a report, a scenario, a calibration) in the bag, with the time log_ns, ns since the epoch."""
         self.file.attach(Attachment(log_ns, log_ns, name, media_type, data))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
@@ -261,7 +262,11 @@ class BagWriter:
         self.file.add_metadata(name, values)
 
     def split(self, sync: bool = False) -> Path:
-        """Finish the current file and continue in a new one with the same topics; return the finished file."""
+        """
+        Finish the current file and continue in a new one with the same topics; return the path of the finished file.
+
+        sync : as in `finish_file`.
+        """
         done = self.finish_file(sync)
         self.begin_file()
         return done
@@ -291,7 +296,7 @@ class BagWriter:
         """
         Open the next file and declare every topic in it.
 
-        After a failure no file is left and the call may be repeated.
+        After an OSError no file is left and the call may be repeated.
         """
         file = self._new_file()
         try:
@@ -322,7 +327,11 @@ class BagWriter:
         return lost
 
     def close(self, sync: bool = False) -> Path:
-        """Finish the bag and return its folder."""
+        """
+        Finish the bag and return its folder.
+
+        sync : as in `finish_file`.
+        """
         if self._open:
             self.finish_file(sync)
         if not self._in_place:

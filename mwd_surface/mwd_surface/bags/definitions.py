@@ -86,7 +86,7 @@ class Definitions:
         Raises
         ------
         DefinitionError
-            Neither the type nor its package is known here, or its file cannot be parsed.
+            The type is unknown here, is not of the form package/msg/Name, or its file cannot be parsed.
         """
         if type_name not in self._known:
             self.load(type_name)
@@ -170,7 +170,7 @@ class Definitions:
         Raises
         ------
         DefinitionError
-            The text cannot be parsed, or contradicts a type that is known already.
+            The text cannot be parsed, or uses a type that neither the text nor `typestore` defines.
         """
         if type_name in self.typestore.fielddefs:
             return

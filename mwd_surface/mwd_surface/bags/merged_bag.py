@@ -49,8 +49,8 @@ class _Source:
     """
     Messages in order of their log time, ns; `offset` and `size` locate their payloads in `data`.
 
-    framed : whether sequence number, log time and publish time precede each payload in `data`. They are then copied;
-    otherwise the sequence number comes from `sequence`, and the publish time is the log time.
+    framed : whether sequence number, log time and publish time precede each payload in `data`. These three are then
+    copied; otherwise the sequence number comes from `sequence`, and the publish time is the log time.
     """
 
     data: Bytes
@@ -133,7 +133,8 @@ class MergedBag:
         """
         Return channel and name of a new topic.
 
-        If `name` is in use already, "processed/" is inserted before the last part of the name.
+        If `name` is in use already, "processed/" is inserted before the last part of the name. Raises DefinitionError
+        if the type is unknown.
         """
         if name in self._taken:
             head, slash, tail = name.rpartition("/")

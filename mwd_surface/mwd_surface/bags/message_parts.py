@@ -75,7 +75,7 @@ class MessagePart:
         return len(self.log_ns)
 
     def split(self, mark: int) -> tuple[MessagePart, MessagePart]:
-        """Split at the log time `mark`, ns, into earlier messages, and messages at or after `mark`."""
+        """Return the messages before the log time `mark`, ns, and the messages at or after `mark`."""
         cut = int(np.searchsorted(self.log_ns, mark))
         return self.at(slice(0, cut)), self.at(slice(cut, None))
 
@@ -113,7 +113,7 @@ class Decoded:
         return sum(len(log_ns) for _, log_ns, _ in self.samples)
 
     def split(self, mark: int) -> tuple[Decoded, Decoded]:
-        """Split at the log time `mark`, ns, into earlier samples, and samples at or after `mark`."""
+        """Return the samples before the log time `mark`, ns, and the samples at or after `mark`."""
         early, late = Decoded(self.rank, []), Decoded(self.rank, [])
         for name, log_ns, samples in self.samples:
             cut = int(np.searchsorted(log_ns, mark))
@@ -128,8 +128,8 @@ def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) 
     """
     Join and sort the pieces of each topic, and yield them as blocks.
 
-    Pieces of at least 2 `block_messages` messages are cut, at the same times in all topics, into blocks of about
-    `block_messages`; fewer messages give one block.
+    If all pieces together have at least twice `block_messages` messages, they are cut, at the same times in all topics,
+    into blocks of about `block_messages` messages; otherwise they give one block.
     """
     joined: Block = {}
     for name, parts in pieces.items():
@@ -171,7 +171,7 @@ def merged(parts: list[tuple[Stamps, Samples]]) -> tuple[Stamps, Samples]:
 
 
 def one_array(parts: list[Samples]) -> Samples:
-    """Concatenate samples of one type; they are joined as bytes because numpy joins records field by field, slowly."""
+    """Return samples of one type as one array; bytes are joined, because numpy joins records field by field, slowly."""
     joined: NDArray[np.uint8] = np.concatenate([part.view(np.uint8) for part in parts])
     return joined.view(parts[0].dtype)
 

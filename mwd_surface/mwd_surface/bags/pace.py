@@ -57,7 +57,7 @@ class Pace:
         return self._log_ns + round((now_s - self._now_s) * self._rate * 1e9)
 
     def due_s(self, log_ns: int) -> float:
-        """Return the wall time, s, at which a log time is due: infinity while paused, in the past if it is overdue."""
+        """Return the wall time, s, at which a log time is due: infinity while paused, a past time if overdue."""
         if self._paused:
             return math.inf
         # x / inf is 0: at the rate "as fast as possible" everything is due at the start.
@@ -70,17 +70,17 @@ class Pace:
         self._rate = rate
 
     def pause(self, now_s: float) -> None:
-        """Pause the replay at the log time that it has reached."""
+        """Pause the replay at the log time that the replay has reached; now_s: monotonic clock, s."""
         self.seek(self.position_ns(now_s), now_s)
         self._paused = True
 
     def resume(self, now_s: float) -> None:
-        """Continue from the log time at which the replay was paused."""
+        """Continue from the log time at which the replay was paused; now_s: monotonic clock, s."""
         self._paused = False
         self._now_s = now_s
 
     def seek(self, log_ns: int, now_s: float) -> None:
-        """Continue from another log time; a paused replay stays paused."""
+        """Continue from another log time, ns; a paused replay stays paused. now_s: monotonic clock, s."""
         self._log_ns, self._now_s = log_ns, now_s
 
 

@@ -148,7 +148,11 @@ class PartStream:
         return self._from_ros1(part, number) if self._opened.ros1[number] else part
 
     def _from_ros1(self, part: MessagePart, number: int) -> MessagePart:
-        """Return a part with its messages converted from the encoding of ROS 1 to the encoding of ROS 2."""
+        """
+        Return a part with its ROS 1 messages converted to the encoding of ROS 2.
+
+        Messages that cannot be converted are reported and left out.
+        """
         types = self._opened.ros1[number]
         rows: list[tuple[int, int, bytes]] = []
         failed: dict[str, tuple[int, Exception]] = {}
@@ -169,7 +173,7 @@ class PartStream:
         return dataclasses.replace(part_of(rows), rank=part.rank, file=part.file)
 
     def _other_parts(self, topics: list[str], start: int, end: int) -> Iterator[MessagePart]:
-        """Yield the parts of a bag whose storage is not MCAP."""
+        """Yield the parts of a bag whose storage is not MCAP; an error ends the reading and is reported."""
         numbers = {name: number for number, name in enumerate(self._topics)}
         rows: list[tuple[int, int, bytes]] = []
         if self._opened.other is None:

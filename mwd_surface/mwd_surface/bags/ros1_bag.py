@@ -115,7 +115,11 @@ class _AnyReader(Reader):
         self._sizes: dict[int, int] = {}
 
     def open(self) -> None:
-        """Open the file; if it has no index, build an index of the messages that are found."""
+        """
+        Open the file; if it has no index, build an index of the messages that are found.
+
+        A file without the first bytes of a ROS 1 bag raises the error of rosbags.
+        """
         try:
             super().open()
         except (ReaderError, struct.error, AssertionError, UnicodeDecodeError, ValueError):
@@ -132,8 +136,8 @@ class _AnyReader(Reader):
         """
         Yield connection, time in ns, and the bytes of each message in order of time.
 
-        The reader of rosbags caches one chunk: if the messages of two chunks alternate, it decompresses a chunk for
-        each message. This reader keeps the last few chunks decompressed.
+        The reader of rosbags caches one chunk: if the messages of two chunks alternate, that reader decompresses a
+        chunk for each message. This reader keeps the last few chunks decompressed.
 
         Raises
         ------
@@ -176,7 +180,7 @@ class _AnyReader(Reader):
         return known[header.get_uint32("conn")], entry.time, data
 
     def read_chunk(self) -> Chunk:
-        """Read the header of a chunk; its records are decompressed within the budget."""
+        """Return the chunk at the present position of the file, with a function that decompresses within the budget."""
         position = self.bio.tell() if self.bio is not None else 0
         chunk = super().read_chunk()
         compression = next(name for name, one in decompressors.items() if one is chunk.decompressor)
@@ -190,7 +194,7 @@ class _AnyReader(Reader):
 
     def _unpacked(self, make: Callable[[], Any], position: int, data: bytes) -> bytes:
         """
-        Return the decompressed records of a chunk.
+        Return the decompressed records of a chunk; `make` returns a decompressor.
 
         Raises BudgetError if the records are too large, and ReaderError if they are damaged.
         """
@@ -209,7 +213,11 @@ class _AnyReader(Reader):
         return plain
 
     def _index_by_reading(self) -> None:
-        """Index the file by reading it chunk by chunk, up to its end or the first damage."""
+        """
+        Index the file by reading it chunk by chunk, up to the end of the file or the first damage.
+
+        `cut` then says where reading ended, and `lost_bytes` how many bytes follow.
+        """
         file: BinaryIO = self.bio  # type: ignore[assignment]
         size = self.path.stat().st_size
         file.seek(len(_MAGIC))
@@ -233,7 +241,11 @@ class _AnyReader(Reader):
         self.connections = [one._replace(msgcount=len(self.indexes[one.id])) for one in self.connections]
 
     def _index_chunk(self, position: int, header: Header, length: int, indexes: dict[int, list[IndexData]]) -> None:
-        """Index the messages of a chunk; if an uncompressed chunk is cut off, the messages before the cut."""
+        """
+        Index the messages of a chunk; if an uncompressed chunk is cut off, the messages before the cut.
+
+        Raises ReaderError if the chunk is cut off, damaged or too large, or its compression is not known.
+        """
         file: BinaryIO = self.bio  # type: ignore[assignment]
         begin = file.tell()
         compression = header.get_string("compression")

@@ -31,7 +31,7 @@ _LONGEST = 100
 
 def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
     """
-    Recover a recording of any storage.
+    Recover a recording of any storage; return one report per MCAP file, or one report for any other recording.
 
     An MCAP file or a folder of them is recovered by `mcap.recovery`. Any other recording is copied to a new bag
     (by default ``<name>.recovered`` in the same folder), unless the recording is intact.
@@ -67,7 +67,7 @@ def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
 
 
 def _copied(bag: Bag, target: Path) -> RecoveryReport:
-    """Copy all readable messages of a bag to a new bag at `target`."""
+    """Copy all readable messages of a bag to a new bag at `target`; return a report."""
     messages = ((log_ns, name, data) for log_ns, name, _, data in bag.messages())
     counts = _write(target, dict(bag.topics), messages)
     return RecoveryReport(
@@ -100,7 +100,11 @@ def _write(target: Path, topics: dict[str, TopicInfo], messages: Iterator[tuple[
 
 
 def _saved(path: Path, files: list[Path], target: Path, reason: str) -> RecoveryReport:
-    """Copy the messages in all readable rows of damaged databases to a new bag at `target`."""
+    """
+    Copy the messages in all readable rows of damaged databases to a new bag at `target`; return a report.
+
+    If no message can be read, no bag is written.
+    """
     with tempfile.TemporaryDirectory(prefix="mwd_recover_") as scratch:
         databases = [_Database(file, Path(scratch) / f"{number}.db3") for number, file in enumerate(files)]
         topics = {name: TopicInfo(name, kind, 1) for one in databases for name, kind in one.topics.values()}
@@ -156,7 +160,11 @@ class _Database:
             pass
 
     def messages(self) -> Iterator[tuple[int, str, bytes]]:
-        """Yield the log time, topic and bytes of each message whose row can be read."""
+        """
+        Yield the log time, ns, topic and bytes of each message whose row can be read.
+
+        The search ends after more than `_BARREN` successive ranges of row numbers without a row.
+        """
         self.lost = barren = 0
         most = self._bytes // 16
         for begin in itertools.count(1, _STEP):
@@ -173,7 +181,11 @@ class _Database:
                     yield log_ns, self.topics[topic][0], data
 
     def _rows(self, low: int, high: int) -> list[tuple[int, object, object]]:
-        """Return the rows of a range of row numbers; a range that cannot be read is split in half."""
+        """
+        Return the rows (topic number, log time, data) of a range of row numbers, both ends included.
+
+        A range that cannot be read is split in half; a single row that cannot be read is counted in `lost`.
+        """
         try:
             return self._ask(
                 "SELECT topic_id, timestamp, data FROM messages WHERE id BETWEEN ? AND ? ORDER BY id", (low, high)

@@ -99,7 +99,7 @@ class SampleDecoder:
     def _from_messages(
         self, name: str, layout: wire.Layout | None, part: MessagePart, some: tuple[str, ...] | None
     ) -> tuple[Stamps, Any]:
-        """Return the samples of messages that have a layout, else the bytes of the messages."""
+        """Return log times, ns, and samples, or, of messages without a layout, log times and bytes."""
         if self._message_compression or layout is None or self._topics[name].serialization != "cdr":
             listed = [part.data[a : a + n].tobytes() for a, n in zip(part.offset, part.size, strict=True)]
             return self._from_list(name, layout, part.log_ns, listed, some)
@@ -151,7 +151,7 @@ class SampleDecoder:
         return log_ns, samples
 
     def _from_bursts(self, name: str, part: MessagePart, some: tuple[str, ...] | None) -> tuple[Stamps, Samples]:
-        """Return the samples inside bursts, each with the log time of its burst."""
+        """Return log times, ns, and the samples inside bursts; each sample has the log time of its burst."""
         listed = [part.data[a : a + n].tobytes() for a, n in zip(part.offset, part.size, strict=True)]
         log_ns, listed = self._from_list(name, None, part.log_ns, listed, some)
         parts, counts = [wire.IMU.empty(0)], []
@@ -200,7 +200,7 @@ class SampleDecoder:
         return sample[0]  # type: ignore[no-any-return]
 
     def unzipped(self, data: bytes) -> bytes | None:
-        """Decompress a message that was compressed by itself; report a damaged message and return None."""
+        """Return a message that was compressed by itself, decompressed; report a damaged message and return None."""
         reason = f"it claims more than {_MAX_MESSAGE_BYTES} bytes"
         try:
             if zstandard.frame_content_size(data) <= _MAX_MESSAGE_BYTES:

@@ -84,8 +84,8 @@ def quantity_of(name: str) -> str:
     Return the quantity that the vectors of a topic measure, from the topic's name; "" if the name does not show it.
 
     Drivers also publish the vectors of an IMU separately, as ``/imu/acceleration``, ``/imu/angular_velocity`` and
-    ``/imu/mag``, next to derived vectors such as ``/filter/free_acceleration``. The last part of the name that contains
-    a known word decides.
+    ``/imu/mag``, next to derived vectors such as ``/filter/free_acceleration``, for which the result is "". The last
+    part of the name that contains a known word decides; if that part names two quantities, the result is "".
     """
     parts = [re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1_\2", part).lower()) for part in name.split("/")]
     if any(word in _DERIVED for words in parts for word in words):
@@ -167,5 +167,5 @@ def listed(topics: list[TopicInfo]) -> str:
 
 @functools.lru_cache(maxsize=1)
 def ros2_types() -> Typestore:
-    """Return the types of the common packages of ROS 2, which also convert messages of ROS 1."""
+    """Return the store of the types of the common packages of ROS 2; it also converts messages of ROS 1."""
     return get_typestore(Stores.ROS2_JAZZY)

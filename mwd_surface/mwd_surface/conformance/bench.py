@@ -28,7 +28,11 @@ class CaseError(Exception):
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """Public state that every client can read: lease in force (0: none), mode, set-points, pending request."""
+    """
+    Public state that every client can read: lease in force (0: none), mode, set-points, pending request.
+
+    sequence is the number of the set-point in force, speed in rad/s, turn in rad; pending is 0 if no request waits.
+    """
 
     lease: int
     mode: int
@@ -49,7 +53,11 @@ class ControlAnswer:
 
 @dataclasses.dataclass(frozen=True)
 class Wish:
-    """Request for control, in the units of mwd_msgs/RequestControl; a limit of 0 means the limit set at the rig."""
+    """
+    Request for control.
+
+    duration : length of the lease, s. speed, left_speed : limits, rad/s; 0 means the limit set at the rig.
+    """
 
     name: str = "conformance one"
     priority: int = 5
@@ -71,16 +79,20 @@ class Point:
 
 
 class AuthorityClient(Protocol):
-    """Client of an interface, which the authority can distinguish from all other clients."""
+    """
+    Client of an interface, which the authority can distinguish from all other clients.
+
+    Every method raises NotPossibleError if the interface cannot express the action.
+    """
 
     def ask(self, wish: Wish) -> ControlAnswer:
         """Request control, or the renewal of a lease; return the answer of the authority."""
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
-        """Send a set-point or a heartbeat; return whether the interface reports it as accepted."""
+        """Send a set-point or a heartbeat; return whether the interface reports the message as accepted."""
 
     def release(self, lease: int) -> bool:
-        """Give a lease back; return whether the authority released it."""
+        """Give a lease back; return whether the authority released the lease."""
 
 
 class Interface(Protocol):
@@ -94,7 +106,7 @@ class Interface(Protocol):
         """Return a client; the same number gives the same client."""
 
     def view(self) -> View:
-        """Read the public state."""
+        """Return the public state of the authority."""
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
         """Return the additional cases of this interface: title, expected result, and function."""
@@ -107,10 +119,10 @@ class Person(Protocol):
     """Person who decides at the rig."""
 
     def grant(self, number: int) -> bool:
-        """Grant a request; return whether the authority carried this out."""
+        """Grant the request with this number; return whether the authority granted it."""
 
     def abort(self, name: str = "conformance") -> bool:
-        """Take control back; return whether the authority carried this out."""
+        """Take control back from every controller; return whether the authority did this. name : name of the person."""
 
 
 class Bench:
@@ -146,19 +158,32 @@ class Bench:
         return self.interface.peer(1)
 
     def view(self) -> View:
-        """Read the public state after waiting until it shows the last action."""
+        """Return the public state of the authority."""
         time.sleep(self.interface.lag_s)
         return self.interface.view()
 
     def ask(self, peer: AuthorityClient, **wish: object) -> ControlAnswer:
-        """Request control; the person at the rig does not grant a pending request."""
+        """
+        Request control and return the answer; the person at the rig does not grant a pending request.
+
+        The lease of the answer is given back at the next `reset`.
+        """
         answer = peer.ask(Wish(**wish))  # type: ignore[arg-type]
         if answer.lease:
             self._held.append((peer, answer.lease))
         return answer
 
     def take(self, peer: AuthorityClient, **wish: object) -> int:
-        """Request control, let the person grant a pending request, and return the number of the lease."""
+        """
+        Request control, let the person grant a pending request, and return the number of the lease.
+
+        Raises
+        ------
+        CaseError
+            Control was not granted.
+        NotPossibleError
+            The request is pending, and there is no person who could grant it.
+        """
         answer = self.ask(peer, **wish)
         if answer.permission == Permission.PENDING:
             self.person.grant(answer.lease)
@@ -169,7 +194,11 @@ class Bench:
         return answer.lease
 
     def turning(self, peer: AuthorityClient, lease: int, sequence: int = 1, **point: object) -> None:
-        """Let the owner send a set-point, and check that the set-point comes into force."""
+        """
+        Let the owner send a set-point, and check that it comes into force.
+
+        Raises CaseError if another set-point or none is in force after 3 s.
+        """
         wanted = Point(**point)  # type: ignore[arg-type]
         peer.send(lease, sequence, wanted)
         if not self.until(lambda: self._in_force(lease, sequence)):
@@ -190,7 +219,7 @@ class Bench:
         return True
 
     def lives(self, peer: AuthorityClient, lease: int, seconds: float) -> None:
-        """Send heartbeats of a controller for some time, s."""
+        """Send heartbeats under a lease for `seconds`, s."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             peer.send(lease, HEARTBEAT, Point())
@@ -203,7 +232,11 @@ class Bench:
         )
 
     def reset(self) -> None:
-        """Give the rig back to the driller, the initial state of every case."""
+        """
+        Give the rig back to the driller, the initial state of every case.
+
+        Raises CaseError if a lease stays in force.
+        """
         for peer, lease in reversed(self._held):
             try:
                 peer.release(lease)

@@ -45,7 +45,11 @@ def case(title: str, expected: str) -> Callable[[Case], Case]:
 
 
 def run(interface: Interface, person: Person | None, heartbeat_s: float) -> Iterator[Result]:
-    """Run every case on an interface, one after the other, and yield the results."""
+    """
+    Run every case on an interface, one after the other, and yield the results.
+
+    Raises CaseError if the rig cannot be given back after the last case.
+    """
     bench = Bench(interface, person, heartbeat_s)
     for title, expected, function in (*CASES, *interface.attacks()):
         passed: bool | None

@@ -27,6 +27,12 @@ class ModbusConformance:
     host : str
     port : int
     unit : int
+        Modbus address (unit identifier) of the server.
+
+    Raises
+    ------
+    ValueError
+        The server does not answer.
     """
 
     name, largest, lag_s = "Modbus", 0xFFFF, _LAG_S
@@ -39,7 +45,7 @@ class ModbusConformance:
         self._reader = self.connect()
 
     def connect(self) -> Any:
-        """Return a connected client of pymodbus."""
+        """Return a connected client of pymodbus; raise ValueError if the server does not answer."""
         from pymodbus.client import ModbusTcpClient
 
         client: Any = ModbusTcpClient(self._where[0], port=self._where[1], timeout=10)
@@ -54,7 +60,11 @@ class ModbusConformance:
         return self._peers[number]
 
     def number_of(self, name: str) -> int:
-        """Return the number that stands for a controller's name in Modbus; 0 for an empty name."""
+        """
+        Return the number that stands for a controller's name in Modbus; 0 for an empty name.
+
+        Raises NotPossibleError for a name that a case makes invalid, because Modbus does not transmit names.
+        """
         if not name:
             return 0
         if len(name) > 100 or not name.isprintable():
@@ -62,7 +72,7 @@ class ModbusConformance:
         return self._numbers.setdefault(name, 7001 + len(self._numbers))
 
     def view(self) -> View:
-        """Read the public state."""
+        """Return the public state of the authority."""
         words = self._reader.read_input_registers(_STATE, count=22, device_id=self.unit).registers
         speed, turn = (struct.unpack(">f", struct.pack(">2H", *words[k : k + 2]))[0] for k in (14, 16))
         return View(words[2] << 16 | words[3], words[7], words[5], speed * _RPM, turn * _DEGREE, int(words[0] == 1))
@@ -94,7 +104,16 @@ class ModbusPeer:
         return not self.client.write_registers(address, list(words), device_id=self._interface.unit).isError()
 
     def ask(self, wish: Wish) -> ControlAnswer:
-        """Request control; a Modbus request has no limits, and a duration in whole seconds."""
+        """
+        Request control and return the answer.
+
+        Raises
+        ------
+        NotPossibleError
+            The wish has limits or waits, or its duration, in whole seconds, does not fit into a register.
+        CaseError
+            The server answers the request of another controller.
+        """
         if wish.wait or wish.speed or wish.left_speed:
             raise NotPossibleError("a request has no such field")
         if not (math.isfinite(wish.duration) and 0.0 <= wish.duration <= 0xFFFF):
@@ -126,7 +145,12 @@ class ModbusPeer:
 
 
 def block(lease: int, sequence: int, point: Point) -> list[int]:
-    """Return the register values, 16 bit each, of a command block."""
+    """
+    Return the register values, 16 bit each, of a command block.
+
+    Finite values are limited to the range of a 32-bit float. Raises NotPossibleError if the mode does not fit into 16
+    bit.
+    """
     if not 0 <= point.mode <= 0xFFFF:
         raise NotPossibleError("a mode is a register")
     values = (point.speed / _RPM, point.turn / _DEGREE, point.flow / _LITRE_PER_MINUTE, point.valid_for)

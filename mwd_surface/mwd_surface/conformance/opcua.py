@@ -57,7 +57,7 @@ class OpcuaConformance:
         return self._peers[number]
 
     def view(self) -> View:
-        """Read the public state."""
+        """Return the public state of the authority."""
         names = ("ControlLease", "SetPointMode", "SetPointSequence", "TopDriveSpeedSetPoint", "TurnSetPoint")
         lease, mode, sequence, speed, turn, pending = self._reader.read((*names, "ControlPending"))
         return View(lease, mode, sequence, speed, turn, pending)
@@ -118,7 +118,11 @@ class OpcuaPeer:
         self.open()
 
     def open(self) -> None:
-        """Open a session."""
+        """
+        Open a session.
+
+        Raises ValueError if the server gives no session, or does not have the object with the methods.
+        """
         from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
         from asyncua.sync import Client
         from asyncua.ua.uaerrors import UaError
@@ -154,7 +158,7 @@ class OpcuaPeer:
         return self._variables[name]
 
     def read(self, names: tuple[str, ...]) -> list[Any]:
-        """Read the values of several variables in one request, whatever their status."""
+        """Return the values of several variables, read in one request, whatever the status of a value is."""
         from asyncua.ua.attribute_ids import AttributeIds
 
         nodes = [self.variable(name) for name in names]
@@ -162,11 +166,16 @@ class OpcuaPeer:
         return [one.Value.Value for one in found]
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """Call a method of the well."""
+        """Call a method of the well and return its outputs."""
         return self._well.call_method(f"{self._index}:{name}", *arguments)
 
     def ask(self, wish: Wish) -> ControlAnswer:
-        """Request control; the method has no argument for limits."""
+        """
+        Request control and return the answer.
+
+        Raises NotPossibleError if the wish has limits or a priority that is not a byte: the method has no arguments
+        for these.
+        """
         if wish.speed or wish.left_speed:
             raise NotPossibleError("a request has no such argument")
         if not 0 <= wish.priority <= 255:

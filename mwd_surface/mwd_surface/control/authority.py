@@ -92,6 +92,11 @@ class ControlAuthority:
         than the highest that it has received, so numbers must continue after a restart (`lease_numbers`).
     closed : str
         Reason why control is not available, with the remedy; empty: the settings decide.
+
+    Attributes
+    ----------
+    refused : int
+        Number of set-points and heartbeats that were refused, and of releases by another sender than the owner.
     """
 
     def __init__(self, settings: ControlSettings, first: int = 1, closed: str = "") -> None:
@@ -119,7 +124,11 @@ class ControlAuthority:
     # Requests and decisions.
 
     def request(self, request: ControlRequest, now: float) -> ControlDecision:
-        """Decide on a request for control; a new request of the owner prolongs its lease within the granted limits."""
+        """
+        Return the decision on a request for control.
+
+        A new request of the owner prolongs the owner's lease within what was granted.
+        """
         with self._lock:
             now = self._pass(now)
             try:
@@ -137,7 +146,11 @@ class ControlAuthority:
             return self._decide(request, limits, now)
 
     def _renew(self, owner: _Lease, request: ControlRequest, limits: LeaseLimits, now: float) -> ControlDecision:
-        """Prolong a lease; refuse a request for more than was granted."""
+        """
+        Prolong a lease and return the decision.
+
+        A request for wider limits, a higher priority or a later end than granted is denied.
+        """
         beyond = limits.beyond(owner.limits)
         if request.priority > owner.request.priority:
             beyond.append("priority")
@@ -178,10 +191,10 @@ class ControlAuthority:
 
     def judge(self, judgement: int, operator: str, now: float, reason: str = "", number: int = 0) -> tuple[bool, str]:
         """
-        Carry out a person's decision; return whether it was done, and a message.
+        Carry out a person's decision; return whether the decision was carried out, and a message.
 
-        number: number of the request that the page showed to the person. 0 stands for the waiting request, but is not
-        accepted for granting.
+        operator: name of the person, required except to abort. number: number of the request that the page showed to
+        the person. 0 stands for the waiting request, but is not accepted for granting.
         """
         with self._lock:
             now = self._pass(now)
@@ -208,7 +221,7 @@ class ControlAuthority:
             return True, f"{pending.name} is denied"
 
     def _abort(self, operator: str, because: str) -> None:
-        """Give top drive and pumps to the driller in any state; drop a waiting request, else it would be granted."""
+        """Give top drive and pumps to the driller in any state; drop a waiting request, which would be granted next."""
         if self._pending is not None:
             self._log(f"the request of {self._pending.name} ended: {operator} took control back")
             self._pending = None
@@ -216,7 +229,7 @@ class ControlAuthority:
             self._end_lease(f"{operator} took control back{because}", Reaction.RELEASE)
 
     def release(self, lease: int, now: float, sender: Sender, reason: str = "") -> tuple[bool, str]:
-        """Give back a lease, or withdraw a pending request, of this sender; return success and a message."""
+        """Give back a lease, or withdraw a request, of this sender; return whether this was done, and a message."""
         with self._lock:
             self._pass(now)
             because = f": {reason}" if reason else ""
@@ -290,8 +303,8 @@ class ControlAuthority:
         """
         Process a set-point or, with sequence number 0, a heartbeat of the owner.
 
-        Return whether it was accepted, and the reason if it was refused. A refused set-point changes nothing and does
-        not count as a heartbeat, because its controller does not work properly.
+        Return whether the message was accepted, and the reason if it was refused. A refused set-point changes nothing
+        in force and does not count as a heartbeat, because its controller does not work properly.
         """
         with self._lock:
             now = self._pass(now)
@@ -353,7 +366,11 @@ class ControlAuthority:
             self._torque_since = min(self._torque_since, now) if above else math.inf
 
     def on_mwd(self, alive: bool) -> None:
-        """Store whether attitude and toolface arrive; start the configured reaction if they stop."""
+        """
+        Store whether attitude and toolface arrive; start the configured reaction if they stop.
+
+        There is no reaction without a lease, or while the driller controls the top drive.
+        """
         with self._lock:
             lost, self._mwd_alive = self._mwd_alive and not alive, alive
             if alive and self._fault == "mwd":
@@ -371,7 +388,11 @@ class ControlAuthority:
     # Periodic update and expiry.
 
     def update(self, now: float) -> list[SetPoint]:
-        """Advance the time and return the commands that are due to the rig; called about ten times per second."""
+        """
+        Advance the time and return the commands that are due to the rig; called about ten times per second.
+
+        If requests are granted automatically and no lease is held, a waiting request is granted first.
+        """
         with self._lock:
             now = self._pass(now)
             if self._lease is None and self._pending is not None and self.settings.grant == "automatic":
@@ -383,7 +404,8 @@ class ControlAuthority:
         """
         End leases, requests and set-points that have expired by `now`.
 
-        Return the time in force, s, which goes back only if `now` goes back by more than a second.
+        If `now` goes back by more than a second, a lease and a waiting request end too. Return the time in force, s,
+        which goes back only in that case.
         """
         if now < self._now - _CLOCK_BACK:
             # After the clock has gone back, the remaining durations are unknown: end lease and request.

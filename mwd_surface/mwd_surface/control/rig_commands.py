@@ -70,7 +70,7 @@ class RigCommands:
 
     @property
     def speed(self) -> float:
-        """Commanded speed of the top drive at this point of its ramp, rad/s."""
+        """Commanded speed of the top drive at this point of its ramp, rad/s; 0 unless rotation is commanded."""
         return self._speed if self.drive is not None and self.drive.mode == Mode.ROTATE else 0.0
 
     @property
@@ -110,7 +110,7 @@ class RigCommands:
             self._set(self._drive, point, now + point.valid_for)
 
     def hear(self, now: float) -> None:
-        """Process a heartbeat: restart the validity of both set-points."""
+        """Process a heartbeat: restart the validity of both set-points, except of a set-point without a time limit."""
         for channel in (self._drive, self._pump):
             if channel.point is not None and math.isfinite(channel.lapses):
                 channel.lapses = now + channel.point.valid_for
@@ -129,14 +129,23 @@ class RigCommands:
         self._drive.point = self._pump.point = None
 
     def stop_pump(self) -> None:
-        """Give the pumps back to the driller."""
+        """
+        Give the pumps back to the driller.
+
+        If no set-point of the top drive is in force, give the top drive back too.
+        """
         if self.drive is None:
             self.let_go()
         # The rig ends the commanded flow by itself when the command is no longer repeated.
         self._pump.point = None
 
     def lapse(self, now: float) -> None:
-        """End the set-points whose validity is over."""
+        """
+        End the set-points whose validity is over.
+
+        The top drive then holds the string, or is given back with the pumps if it rotates and the set-point has
+        `returns`. Pumps are given back to the driller.
+        """
         drive = self.drive
         if drive is not None and now >= self._drive.lapses:
             if drive.mode == Mode.ROTATE and drive.returns:
@@ -147,7 +156,12 @@ class RigCommands:
             self.stop_pump()
 
     def due(self, lease: int, sequence: int, now: float) -> list[SetPoint]:
-        """Return the commands to send to the rig now; sequence: number of the controller's set-point in force."""
+        """
+        Return the commands to send to the rig now; sequence: number of the controller's set-point in force.
+
+        A command is sent if it has changed, and repeated every `_REFRESH`. When the lease ends, one command RELEASE is
+        sent alone.
+        """
         if self._release_due:
             self._release_due = False
             return [SetPoint(Mode.RELEASE, lease, self._number(sequence), valid_for=RIG_TIMEOUT)]

@@ -65,7 +65,12 @@ def possible(readings: InterlockReadings) -> InterlockReadings:
 
 
 class StallWatch:
-    """Detector of a stall of the mud motor: a rise of the pressure above its usual value at the same flow."""
+    """
+    Detector of a stall of the mud motor: a rise of the pressure above its usual value at the same flow.
+
+    share : smallest rise that counts as a stall, as a share of the usual value. stalled : whether the last reading
+    shows a stall.
+    """
 
     def __init__(self, share: float) -> None:
         self._share = share
@@ -76,7 +81,8 @@ class StallWatch:
         """
         Add a reading of flow, m^3/s, and pressure, Pa; now: steady time, s.
 
-        If the flow is below least_flow, m^3/s, the earlier readings that give the usual pressure are cleared.
+        If a reading is unknown or the flow is below least_flow, m^3/s, the earlier readings that give the usual
+        pressure are cleared.
         """
         if flow is None or pressure is None or flow < least_flow:
             self._ratios.clear()

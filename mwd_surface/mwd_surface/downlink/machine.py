@@ -182,7 +182,9 @@ class Machine:
 
     def submit(self, by: str, now: float, number: int = 0) -> str:
         """
-        Ask for permission to send the draft; number: number of the draft, 0: the present draft.
+        Ask for permission to send the draft; return the reason of the new state as text.
+
+        number: number of the draft, 0: the present draft.
 
         Raises
         ------
@@ -195,7 +197,7 @@ class Machine:
 
     def decide(self, granted: bool, by: str, now: float, number: int = 0) -> str:
         """
-        Grant or deny the request.
+        Grant or deny the request; return the reason of the new state as text.
 
         number: number of the request that the page showed to the person. 0 stands for the present request, but is not
         accepted for granting.
@@ -216,7 +218,9 @@ class Machine:
 
     def abort(self, reason: str, by: str, now: float) -> str:
         """
-        End the downlink under way, at any time; the rig returns to the driller's settings.
+        End the downlink under way, at any time; return the reason as text.
+
+        The rig returns to the driller's settings.
 
         Raises
         ------
@@ -233,7 +237,7 @@ class Machine:
 
     def update(self, now: float, readings: InterlockReadings, people_s: float | None = None) -> None:
         """
-        Process the readings of the rig; call at least once per second.
+        Process the readings of the rig; call this method at least once per second.
 
         people_s: time on the clock by which the permission lapses, s; by default `now`. Give it if `now` is the time of
         a rig that is simulated faster than real time.
@@ -314,7 +318,12 @@ class Machine:
         return min(max(now - self._started, 0.0), self.programme.duration_s)
 
     def _before(self, now: float, readings: InterlockReadings) -> None:
-        """Wait for the interlocks, then for a steady flow or speed, which the tool uses as the reference level."""
+        """
+        Wait for the interlocks, then for a steady flow or speed, and start the command.
+
+        The tool uses the steady value as the reference level. If waiting takes longer than `PERMISSION_S`, the
+        permission lapses.
+        """
         if self._waited > PERMISSION_S:
             self._go(DownlinkState.LAPSED, f"the permission has lapsed after {PERMISSION_S:.0f} s", "", now)
             return
@@ -418,18 +427,18 @@ _HELD_S = 2.0  # time for which a deviation must last, s
 
 class DeviationWatch:
     """
-    Comparison of the rig's readings with the set-points.
+    Comparison of the rig's readings with the set-points; speeds in rad/s, flows in m^3/s.
 
     Parameters
     ----------
     base : float
         Drilling value of the quantity that the downlink changes.
     other : float or None
-        Initial value of the quantity that the downlink does not change; None: unknown.
+        Initial value of the quantity that the downlink does not change; None: unknown, this quantity is not compared.
     margins : (float, float)
         Allowed deviation of the changed and of the unchanged quantity.
     lag_s : float
-        Longest delay with which the rig follows a set-point.
+        Longest delay with which the rig follows a set-point, s.
     """
 
     def __init__(self, base: float, other: float | None, margins: tuple[float, float], lag_s: float) -> None:
@@ -440,7 +449,7 @@ class DeviationWatch:
 
     def take(self, now: float, asked: float, value: float | None, other: float | None) -> bool:
         """
-        Add set-point and readings at a steady time, s; return whether they have differed for 2 s.
+        Add set-point and readings at a steady time, s; return whether a reading has been outside its margin for 2 s.
 
         asked, value: set-point and reading of the quantity that the downlink changes. other: reading of the quantity
         that the downlink does not change.

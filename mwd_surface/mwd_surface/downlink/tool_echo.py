@@ -45,7 +45,7 @@ class ToolEcho:
         self._sent[code] = answered_by
 
     def hear(self, code: int, now: float, answer_s: float) -> None:
-        """Process an echo; answer_s: longest time from a command to its echo, s."""
+        """Process an echo; now: steady time, s; answer_s: longest time from a command to its echo, s."""
         if code in self._sent:
             # Commands arrive in order, so the tool no longer repeats an earlier command.
             codes = list(self._sent)
@@ -66,8 +66,9 @@ class ToolEcho:
         """
         Return the frame with the counter to send, and whether its echo will prove that the command arrived.
 
-        last: counter sent last; 0: unknown. Without it, counters are tried backwards from the counter before that of
-        the last echo, because the surface may have sent the counters after the echo before its memory was lost.
+        last: counter sent last; 0: unknown. If `last` is unknown and an echo was received, counters are tried backwards
+        from the counter before that of the last echo, because the surface may have sent the counters after the echo
+        before its memory was lost.
         """
         known = frame_of(self.heard) if self.heard is not None else None
         if last == 0 and known is not None:

@@ -106,7 +106,11 @@ def _whole(buffer: NDArray[np.uint8], at: int, value: int) -> int:
 
 @compiled
 def _angle(buffer: NDArray[np.uint8], at: int, value: float, known: bool, wraps: bool) -> int:
-    """Write a comma and, if `known`, an angle, rad, in degrees with six decimals; if `wraps`, 360 becomes 0."""
+    """
+    Write a comma and, if `known`, an angle, rad, in degrees with six decimals; return the position after it.
+
+    If `wraps`, 360 deg becomes 0.
+    """
     buffer[at] = 44
     if not known:
         return at + 1
@@ -130,7 +134,7 @@ def _angle(buffer: NDArray[np.uint8], at: int, value: float, known: bool, wraps:
 
 @compiled
 def _component(buffer: NDArray[np.uint8], at: int, value: float) -> int:
-    """Write a comma and a component of a unit vector with nine decimals."""
+    """Write a comma and a component of a unit vector with nine decimals; return the position after it."""
     buffer[at] = 44
     at += 1
     units = math.floor(value * _GRAVITY_UNIT + 0.5)

@@ -152,6 +152,11 @@ class BagEstimate:
 
         sink : called with the output of each block, in order of time, in a separate thread; an exception in `sink` ends
         the run. progress : called with the completed share, 0 to 1.
+
+        Raises
+        ------
+        ValueError
+            The samples cannot be used; OptionNeededError if options of the input solve the problem.
         """
         self._warn_of_input()
 
@@ -234,7 +239,12 @@ class BagEstimate:
                 yield from self._asked(request)
 
     def _asked(self, request: RecordedRequest) -> Iterator[_Result]:
-        """Apply a request of the recording to the pipeline, and yield the output that results."""
+        """
+        Apply a request of the recording to the pipeline, and yield the output, if any, that results.
+
+        A request that cannot be applied becomes a warning. After a request that restarts the estimate, kept samples
+        other than IMU samples are pushed again if they are later than the request.
+        """
         try:
             output = request.apply(self._pipeline)
         except ValueError as error:
@@ -252,7 +262,7 @@ class BagEstimate:
             yield _Result(output)
 
     def _checked(self, block: Block) -> BlockSamples:
-        """Return the samples of a block, checked and calibrated."""
+        """Return the samples of a block, checked and, if a compensation is given, calibrated."""
         samples: BlockSamples = {name: part[1] for name, part in block.items()}
         self._used.take(samples)
         self._check_units(samples)
@@ -267,9 +277,10 @@ class BagEstimate:
 
     def _check_units(self, samples: BlockSamples) -> None:
         """
-        Check the units of the first IMU and magnetometer samples.
+        Check the units of the first IMU and magnetometer samples, unless the settings are those of the live list.
 
-        A magnetometer whose readings are implausible in every unit is not used.
+        A magnetometer whose readings are implausible in every unit is not used. Raises OptionNeededError if readings
+        look like another unit.
         """
         new = {name: samples[name] for name in self._unchecked & samples.keys()}
         self._unchecked -= new.keys()
@@ -281,7 +292,7 @@ class BagEstimate:
         self._use_mag = self._use_mag and not any(text.startswith(f"{self.topics.mag}:") for text in warnings)
 
     def _judge_covariances(self, samples: BlockSamples) -> None:
-        """Remove vectors that covariances declare absent, as the live estimator does."""
+        """Remove vectors that covariances declare absent, as the live estimator does; warn once of each finding."""
         topics = self.topics
         for topic, layout in ((topics.imu, wire.IMU), (topics.mag, wire.MAG), (topics.precision, wire.IMU)):
             if topic is None or topic not in samples:
@@ -291,7 +302,11 @@ class BagEstimate:
             self._summary.warnings += [text for text in said if text not in self._summary.warnings]
 
     def _leave_out_skewed(self, samples: BlockSamples, block: Block) -> None:
-        """Leave out sensors whose stamps come from another clock than the IMU's, judged by the log times."""
+        """
+        Leave out sensors whose clock differs from the IMU's by more than `_SKEW_S`, judged by the log times.
+
+        A warning names the sensors left out.
+        """
         topics = self.topics
         if topics.imu not in samples or topics.imu in self._stream.without_time:
             return
@@ -325,6 +340,8 @@ class BagEstimate:
     def _push_companions(self, samples: BlockSamples, block: Block, *, again: bool = False) -> None:
         """
         Push all samples except the IMU samples into the pipeline, and the depths of the rig into the survey list.
+
+        The samples of a magnetometer that is not used are left out.
 
         block : the same samples with the log times of their messages. again : the samples were pushed before, and the
         estimate has been restarted since.
@@ -376,7 +393,7 @@ class BagEstimate:
 
 
 def _last_log(block: Block, originals: list[Originals]) -> int:
-    """Return the log time of the last message of a block, ns."""
+    """Return the log time of the last message of a block, ns; 0 if there is no message."""
     logged = [int(part[0][-1]) for part in block.values()]
     return max(logged + [int(one.log_ns[-1]) for one in originals if len(one.log_ns)], default=0)
 
@@ -442,7 +459,7 @@ class UsedSamples:
         """
         Add a count that the live estimator published.
 
-        If the first stamp changes or the number of samples falls, another run of the estimator has begun.
+        If the first stamp changes or the number of samples falls, the estimator was restarted.
         """
         runs = self._counts.setdefault(topic, [])
         if runs and used >= runs[-1].used and first_ns == runs[-1].first_ns:
@@ -451,7 +468,11 @@ class UsedSamples:
             runs.append(_Count(first_ns, last_ns, used))
 
     def take(self, samples: Mapping[str | None, Samples]) -> None:
-        """Count samples of the recording; `samples` is by topic."""
+        """
+        Count the samples of the recording between the first and the last stamp of each count of the estimator.
+
+        samples : samples by topic.
+        """
         for topic, part in samples.items():
             stamps = part["stamp_ns"]
             for run in self._counts.get(self._singles.get(topic or "", topic or ""), ()):
@@ -502,8 +523,8 @@ def ahead(items: Iterable[T], depth: int = _DEPTH) -> Iterator[Iterator[T]]:
     """
     Yield an iterator of the items, which a thread computes at most `depth` items before they are used.
 
-    An exception in `items` is raised where the next item would have been used. When the block ends, early or not, the
-    thread finishes the current item, closes `items` if it is a generator, and ends.
+    An exception in `items` is raised where the next item would have been used. When the `with` block ends, early or
+    not, the thread finishes the current item, closes `items` if it is a generator, and ends.
     """
     # Entries are (item,), an exception, or None at the end.
     ready: queue.Queue[tuple[T] | BaseException | None] = queue.Queue(depth)

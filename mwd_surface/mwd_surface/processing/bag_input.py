@@ -187,7 +187,8 @@ def _use_first_frames(bag: Bag, names: Sequence[str]) -> None:
     """
     Use only the first frame of each topic whose messages alternate between frames, as the live estimator does.
 
-    The other frames belong to a second unit.
+    The other frames belong to a second unit. Messages alternate if the frame changes `_IN_TURNS` times or more among
+    the first messages, about `_LOOKED_AT` of all topics together.
     """
     seen: dict[str, list[str]] = {name: [] for name in names if bag.topics[name].type_name != burst.TYPE_NAME}
     for count, (_, name, _, data) in enumerate(bag.messages(list(seen)) if seen else ()):
@@ -227,7 +228,11 @@ def namespace_of(bag: Bag, imu: str) -> str | None:
 
 
 def _measured(bag: Bag, names: Sequence[str]) -> list[str]:
-    """Return the topics of IMUs without those that the estimator publishes, which repeat the same samples."""
+    """
+    Return the topics of IMUs without those that the estimator publishes, which repeat the same samples.
+
+    If no other topic is left, return all topics.
+    """
     own = {f"{space}{_ORIENTED}" for space in graph_namespaces(bag)}
     return [name for name in names if name not in own] or list(names)
 
@@ -297,7 +302,8 @@ def unstamped(bag: Bag, names: Sequence[str]) -> frozenset[str]:
     """
     Return topics without times of their own: the stamps of their first messages are all zero, or all equal.
 
-    names : topics of samples, the IMU first.
+    If the IMU is such a topic, a topic with a single message belongs to them if its stamp is zero. names : topics of
+    samples, the IMU first.
     """
     fields = {layout.type_name: () for layout in (wire.IMU, wire.MAG, wire.TEMPERATURE, wire.RIG_STATE)}
     first = next(bag.blocks(names, block_messages=_LOOKED_AT, fields=fields), {})
@@ -400,7 +406,11 @@ def tool_frame(bag: Bag, topics: Topics, mount: Mount) -> str:
 
 
 def frame_names(bag: Bag, topics: list[str]) -> dict[str, str]:
-    """Return the frame in the first messages of each topic; topics without a frame are left out."""
+    """
+    Return, by topic, the frame in the first message that has one; topics without a frame are left out.
+
+    Only the first messages of all topics together, about `_LOOKED_AT`, are read.
+    """
     found: dict[str, str] = {}
     for count, (_, name, _, data) in enumerate(bag.messages(topics)):
         with contextlib.suppress(wire.WireError):
@@ -491,7 +501,8 @@ def _imu_of(bag: Bag, accelerometer: str | None) -> str:
     """
     Return the topic of the IMU: a topic of single messages or, if the bag has none, of bursts or of vectors.
 
-    The only IMU in a bag may have any name. accelerometer : topic known to be only the accelerometer half.
+    The only IMU in a bag may have any name. accelerometer : topic known to be only the accelerometer half. Raises
+    BagError if there is no IMU, or if several topics may be the IMU.
     """
     here = [t for t in bag.topics.values() if t.type_name == wire.IMU.type_name and t.name != accelerometer]
     # Ignore topics without messages if another topic has some.
@@ -588,7 +599,8 @@ def without_gravity(samples: Samples) -> bool:
     Return whether a driver has removed gravity from the specific force.
 
     Means over at most 10 samples and 50 ms are near gravity even if the tool shakes and turns. Gravity is missing if a
-    tenth of these means are below `_LEAST_GRAVITY`, which is far below gravity in any unit.
+    tenth of these means are below `_LEAST_GRAVITY`, which is far below gravity in any unit. The result is False for
+    fewer than `_SAME_AT_LEAST` samples, and if all forces are zero.
     """
     force = samples["linear_acceleration"]
     if len(force) < _SAME_AT_LEAST or not np.any(force):

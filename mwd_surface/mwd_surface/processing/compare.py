@@ -147,7 +147,7 @@ def checked_limits(limits: dict[str, float]) -> dict[str, float]:
 
 def compare(ours: Path, expected: Path, limits: dict[str, float] | None = None) -> Comparison:
     """
-    Compare the run in folder `ours` with the run in folder `expected`.
+    Compare the run in folder `ours` with the run in folder `expected`; return the differences.
 
     `ours` must have every station and sample of the expected run. Additional samples are reported and allowed, because
     an expected run may keep one row per second; additional stations are not allowed.
@@ -199,9 +199,9 @@ def _stations(
     ours: list[dict[str, str]], expected: list[dict[str, str]]
 ) -> tuple[list[StationDifference], list[str], list[str]]:
     """
-    Pair the stations by nearest time, each station in one pair at most.
+    Pair the stations by nearest time, within 2 s, each station in one pair at most.
 
-    Return pairs, missing and additional stations.
+    Return pairs, names of missing stations and names of additional stations.
     """
     left = list(ours)
     pairs, missing = [], []

@@ -38,7 +38,7 @@ def continuous_log(folder: Path, bag: Bag, sensor_to_bit: float) -> Continuous:
     Raises
     ------
     BagError
-        The recording has no depths of the rig.
+        The recording has fewer than two valid depths of the rig.
     OSError, ValueError
         See `run_folder.attitude`.
     """
@@ -87,7 +87,11 @@ def drilled_depth(stamps_ns: Stamps, bit_depth: Array, at_ns: Stamps) -> Array:
 
 
 def _bit_depths(bag: Bag) -> tuple[Stamps, Array]:
-    """Return stamps, ns, and bit depths, m, of the rig's messages with a valid depth, in order of time."""
+    """
+    Return stamps, ns, and bit depths, m, of the rig's messages with a valid depth, in order of time.
+
+    Raises BagError if there are fewer than two such messages.
+    """
     topic = bag.find_topic(wire.RIG_STATE.type_name, "rig/state")
     rows = [block[topic][1] for block in bag.blocks([topic]) if topic in block]
     if rows:

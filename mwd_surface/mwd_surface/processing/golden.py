@@ -53,7 +53,9 @@ def limits_of(folder: Path) -> dict[str, float]:
 @contextmanager
 def processed(path: Path, like: Path) -> Iterator[Path]:
     """
-    Yield the folder of a run: `path` itself, or the results of the recording `path` with the settings of `like`.
+    Yield a folder of results: `path`, or, if `path` is a recording, a temporary folder with the recording's results.
+
+    The recording is processed with the settings of the results `like`.
 
     Raises
     ------

@@ -174,7 +174,7 @@ class Joiner:
 
 
 def _without(samples: Samples, vector: str) -> NDArray[np.bool_]:
-    """Return whether each message lacks a vector, shape (n,)."""
+    """Return whether each message lacks a vector, shape (n,): it is zero, not finite, or marked as not provided."""
     values = samples[vector]
     empty = (values == 0.0).all(axis=1) | ~np.isfinite(values).any(axis=1)
     return np.asarray(empty | input_covariance.not_provided(samples, vector))

@@ -71,10 +71,16 @@ class SampleStream:
     Attributes
     ----------
     names : list of str
+        Topics, each once.
     without_time : frozenset of str
         Topics whose messages carry no time of their own.
     undated : dict of str to int
         By topic: number of samples left out so far because they have no time although other samples have one.
+
+    Raises
+    ------
+    ValueError
+        The times of recording are requested, but a clock runs at another speed than the recorder's (`_clocks`).
     """
 
     def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings, held: str = "") -> None:
@@ -140,13 +146,17 @@ class SampleStream:
         return log_ns[dated], samples[dated]
 
     def _once(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Leave out repeated samples, as from a second publisher, by the rule of the live estimator."""
+        """Return log times and samples without repeated samples, as from a second publisher, as the live estimator."""
         if name not in self._repeated:
             return log_ns, samples
         return self._repeated[name].take(log_ns, samples, stamped=name not in self.without_time)
 
     def _timed(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Stamp samples without a time by the log time; convert other stamps to the recorder's clock if requested."""
+        """
+        Return log times and samples; samples without a time are stamped by the log time.
+
+        Other stamps are converted to the recorder's clock if requested. The samples are changed in place.
+        """
         if name in self.without_time:
             samples["stamp_ns"] = log_ns
         elif name in self._clocks:
@@ -365,9 +375,9 @@ def offsets_of_clock(block: Block, name: str, imu: str) -> Array:
     """
     Return the recorder's clock minus the clock of a topic's stamps, for each message of a block, shape (n,), s.
 
-    The drift of the recorder's clock relative to the IMU's clock within the block is subtracted; in a run at half speed
-    the recorder's clock gains half a second per second. Offsets of different topics can then be compared although their
-    messages arrive at different times, for example when one topic has a gap.
+    The drift of the recorder's clock relative to the IMU's clock within the block is subtracted: if a simulation at
+    half the speed of real time is recorded, the recorder's clock gains half a second per second. Offsets of different
+    topics can then be compared although their messages arrive at different times, for example when one topic has a gap.
     """
     log_ns, samples = block[name]
     seconds = 1e-9 * (log_ns - block[imu][0][0])
@@ -440,8 +450,8 @@ def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.in
     Raises
     ------
     ValueError
-        A clock runs at another speed than the recorder's, because the run was faster or slower than real time. The
-        times of recording are then not the times between two samples of the tool.
+        A clock runs at another speed than the recorder's, because the simulation or replay was faster or slower than
+        real time. Differences of log times are then not the times between the samples.
     """
     layouts = (wire.IMU, wire.MAG, wire.TEMPERATURE)
     courses: dict[str, list[_Course]] = {name: [] for name in names}
@@ -519,7 +529,12 @@ def _follow(courses: list[_Course], log_ns: Stamps, offset: NDArray[np.int64]) -
 
 
 def _without_delays(courses: list[_Course]) -> list[_Course]:
-    """Return the courses without those of a few messages or of a delay; join courses with nearly equal offsets."""
+    """
+    Return the courses without those that have few messages or come from a delay; join nearly equal courses.
+
+    If all courses have few messages, none is left out for that. A course comes from a delay if it is short, no set
+    clock began it, and its least offset is above that of the courses before and after.
+    """
     courses = [course for course in courses if course.count >= _FEW] or courses
     kept: list[_Course] = []
     for k, course in enumerate(courses):
@@ -548,7 +563,7 @@ def _knots(courses: list[_Course]) -> tuple[Stamps, NDArray[np.int64]]:
 
 
 def _comes_empty(bag: Bag, mag: str) -> bool:
-    """Return whether messages of zeros occur among the readings of a magnetometer."""
+    """Return whether messages of zeros occur among the first 2000 readings of a magnetometer."""
     block: Block = next(bag.blocks([mag], block_messages=2000, fields={wire.MAG.type_name: ("magnetic_field",)}), {})
     return mag in block and among_readings(~(block[mag][1]["magnetic_field"] != 0.0).any(axis=1))
 
@@ -558,7 +573,7 @@ def _in_turns(topics: Topics) -> bool:
 
 
 def _duration(seconds: float) -> str:
-    """Return a duration as text."""
+    """Return a duration, s, as text in s, h, days or years."""
     for unit, size in (("years", 365.25 * 86400.0), ("days", 86400.0), ("h", 3600.0)):
         if seconds >= 2.0 * size:
             return f"{seconds / size:.1f} {unit}"

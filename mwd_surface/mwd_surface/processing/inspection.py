@@ -118,7 +118,7 @@ class Inspection:
 @dataclasses.dataclass
 class _InspectionPass:
     """
-    One pass over the recording: how the samples were read, and the findings.
+    One reading of the whole recording: the settings with which the samples were read, and the findings.
 
     turn : axis of the IMU that points down-hole, as text, for each interval of 3 s in which the string turned. turned :
     sum of the rotation vectors in these intervals, in axes of the IMU, rad.
@@ -154,7 +154,7 @@ def inspect(
     output : Path
         Output folder to write into the command.
     progress : callable
-        Called with the completed share of a pass, 0 to 1.
+        Called with the completed share of one reading of the recording, 0 to 1; there are several readings.
     recorded : settings, optional
         Settings in the recording, which `mwd process` uses without options.
 
@@ -241,7 +241,7 @@ def _processed(bag: Bag, reading: _InspectionPass) -> tuple[Summary | None, str]
 
 
 def _with_units(bag: Bag, topics: Topics, given: InputSettings) -> InputSettings:
-    """Return the settings with the units in which the first readings are plausible."""
+    """Return the settings with the units in which the first readings are plausible; units that a user gave are kept."""
     first: Block = {}
     for block in InputStream(bag, topics, given).blocks():
         first = {**block, **first}
@@ -307,14 +307,14 @@ def _read(
 
 
 def _expect(state: monitor.MonitorState, estimator: EstimatorSettings, first_ns: int) -> None:
-    """Give the checks the reference gravity and magnetic field of the place."""
+    """Give the checks the reference gravity and magnetic field of the place, if `reference_of` returns them."""
     reference = reference_of(estimator, first_ns)
     if reference is not None:
         monitor.set_reference(state, reference.gravity, reference.total, reference.dip)
 
 
 def _note_turns(reading: _InspectionPass, imu: Samples) -> None:
-    """Note the axis of the unit that points down-hole, for each interval of 3 s in which the string turned."""
+    """Note the axis of the unit that points down-hole, for each 3 s whose mean turn rate exceeds `TURNING`."""
     stamps, gyro = imu["stamp_ns"], np.nan_to_num(imu["angular_velocity"])
     dt = np.clip(np.diff(stamps, prepend=stamps[:1]) * 1e-9, 0.0, 0.25)
     part = (stamps - stamps[0]) // (3 * wire.NANOSECONDS)
@@ -395,7 +395,11 @@ def _missing(topics: Topics, reading: _InspectionPass, mount: Mount, reason: str
 
 
 def _day(reading: _InspectionPass, imu: str) -> str:
-    """Return the date for the field model: the given date, else that of the first sample; "" if neither is known."""
+    """
+    Return the date for the field model: the given date, else that of the first sample.
+
+    Returns "" if no model is used, or if no date is given and the clock was not set.
+    """
     place, first = reading.estimator.place, reading.times[imu].first_ns
     if not place.model or place.date or first < CLOCK_SET_NS:
         return place.date if place.model else ""

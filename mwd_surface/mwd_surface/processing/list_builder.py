@@ -36,7 +36,7 @@ Arrived = tuple[Stamps, Samples]
 
 class ListBuilder:
     """
-    Builder of survey list and depths for one run over a recording.
+    Builder of survey list and depths while a recording is processed once.
 
     Parameters
     ----------
@@ -55,6 +55,9 @@ class ListBuilder:
     depth : DepthTrack
         Bit depth of the rig, as passed to `take_rig`, with the corrections of people.
     surveys : SurveyList
+        The list so far.
+    as_live : bool
+        Whether the settings are those of the live list in the recording, so that the same list must result.
     warnings : list of str
     """
 
@@ -155,7 +158,11 @@ class ListBuilder:
         return survey.record(self._frame)
 
     def _take_changes(self, until_ns: float | None) -> None:
-        """Apply the recorded depths set by hand, decisions of people and revisions from before a log time, ns."""
+        """
+        Apply the depths set by hand that were recorded before a log time, ns; None applies nothing.
+
+        With the settings of the live list, also apply the decisions of people and the revisions before this time.
+        """
         while self._changes and until_ns is not None and self._changes[0].log_ns < until_ns:
             change = self._changes.pop(0)
             if isinstance(change, DepthByHand):
@@ -176,7 +183,9 @@ class ListBuilder:
 
     def _revise(self, survey: DecidedSurvey) -> None:
         """
-        Apply the revised value of a survey from the whole run.
+        Apply the revised value of a survey, which the estimator gives at the end of the recording.
+
+        A survey that is not in the list is ignored.
 
         With the settings of the live list, only a withdrawal that is not among the recorded revisions is applied.
         """
@@ -191,10 +200,10 @@ class ListBuilder:
 
     def finish(self, revisions: Sequence[DecidedSurvey] = ()) -> tuple[SurveyList, str]:
         """
-        Return the list with the decisions of people, and a text that compares it with the live list.
+        Return the list with the decisions of people, and a text that compares this list with the live list.
 
-        revisions : revised values of surveys from the whole run. A live list with the same settings has its own
-        revisions; then only withdrawn surveys are used.
+        The text is empty if there is no live list. revisions : revised values of surveys, computed from the whole
+        recording. A live list with the same settings has its own revisions; then only withdrawn surveys are used.
         """
         if not self._begun:
             self.surveys = self._empty(dataclasses.replace(self._well, sensor_to_bit=self.sensor_to_bit))

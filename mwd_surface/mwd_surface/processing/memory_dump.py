@@ -93,9 +93,10 @@ def dump(
 
 def _rotation(bag: Bag) -> Samples:
     """
-    Return the rotary speed of the tool, rad/s, as means of the axial gyro over 0.1 s; all other values are NaN.
+    Return samples of `wire.GRAVITY` with the rotary speed of the tool, rad/s; all other values are NaN.
 
-    The rotary speed of the estimator is not used, because a filter delays this speed by half a second.
+    The speed is the mean of the gyro's x axis over each 0.1 s. The rotary speed of the estimator is not used, because a
+    filter delays this speed by half a second.
     """
     name = find_topics(bag, InputSettings()).imu
     imu, _ = wire.decode_messages(wire.IMU, [data for _, _, _, data in bag.messages([name])])

@@ -51,9 +51,12 @@ def process(
     recorded: Recorded | None = None,
 ) -> Summary:
     """
-    Write the attitude (by default attitude.csv), surveys.csv, surveys.json, faults.csv, config.yaml and input.yaml.
+    Write the results of a recording to a folder and return the summary.
 
-    surveys.json is the survey list in the form of the surface node, so that `mwd export` and `mwd report` can read it.
+    The files are the attitude (by default attitude.csv), surveys.csv, surveys.json, faults.csv, config.yaml and
+    input.yaml. surveys.json is the survey list in the form of the surface node, so that `mwd export` and `mwd report`
+    can read it. If the results show that the signs of the accelerometer are reversed, the recording is processed again
+    with reversed signs (`reversed_settings`).
 
     Parameters
     ----------
@@ -66,8 +69,7 @@ def process(
         Called with the completed share, 0 to 1.
     compensation : Compensation, optional
         Calibration of the AHRS, applied to its samples first.
-    wanted : OutputSettings, optional
-    recorded : Recorded, optional
+    wanted : OutputSettings, optional recorded : Recorded, optional
         Settings in the recording, with which its live survey list was made.
 
     Raises
@@ -75,7 +77,8 @@ def process(
     BagError
         The bag is cut off or damaged (unless `given.partial`), or has no IMU sample.
     ValueError
-        The settings require a field that no model covers, or the IMU is not in SI.
+        The settings require a field that no model covers or smooth another method than bounded, or the samples cannot
+        be used, for example because the IMU is not in SI.
     OSError
         The folder cannot be written.
     """
@@ -88,7 +91,11 @@ def process(
 
 
 def reversed_settings(estimator: EstimatorSettings, summary: Summary) -> EstimatorSettings | None:
-    """Return settings with the accelerometer reversed if a fault at the end shows wrong signs; otherwise None."""
+    """
+    Return settings with the accelerometer reversed if a fault at the end shows wrong signs; otherwise None.
+
+    The result is also None if the settings already reverse the accelerometer, or are those of the live list.
+    """
     last = {fault.check: fault for fault in summary.faults}
     standing = [fault for fault in last.values() if not fault.cleared_ns]
     reversals = (FaultCode.SIGN, FaultCode.POINTS_UP)
@@ -109,7 +116,7 @@ def _processed(
     wanted: OutputSettings,
     recorded: Recorded | None,
 ) -> Summary:
-    """Process a bag with these settings and write the results to `folder`."""
+    """Process a bag with these settings, write the results to `folder`, and return their summary."""
     with drafts(folder) as draft:
         with destination(draft, bag, wanted, given) as (sink, merger):
             run = _run_of(bag, estimator, given, compensation, wanted.smooth, merger, recorded)
@@ -135,7 +142,7 @@ def estimate(
     recorded: Recorded | None = None,
 ) -> Summary:
     """
-    Run the estimator over a bag.
+    Run the estimator over a bag and return the summary.
 
     sink : called with the output of each block, in order, in a separate thread. recorded : settings in the recording,
     with which its live survey list was made.

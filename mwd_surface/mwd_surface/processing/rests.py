@@ -39,7 +39,7 @@ class Rests:
     longest_s : float
         Longest interval, s.
     hidden_s : float
-        Longest interval, s, in which the accelerometers show rest, and the gyro would too if its unit were deg/s.
+        Longest interval, s, in which the accelerometers show rest, and the gyro would show rest if its unit were deg/s.
     """
 
     def __init__(self, settings: SurveySettings) -> None:
@@ -78,7 +78,11 @@ class Rests:
         return self._count if 2 * self._sampled > self._half_seconds else None
 
     def problems(self, imu: str, gyro_unit: str) -> list[StreamProblem]:
-        """Return a problem if a wrong gyro unit hides intervals at rest; gyro_unit: unit in which the gyro was read."""
+        """
+        Return a problem if no interval at rest is long enough, but one would be if the gyro unit were deg/s.
+
+        gyro_unit : unit in which the gyro was read; the result is empty unless it is rad/s.
+        """
         if self.count or self.hidden_s < self._needed_s or gyro_unit != "rad/s":
             return []
         sentence = (

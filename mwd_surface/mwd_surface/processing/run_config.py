@@ -112,10 +112,13 @@ def read_config(path: Path) -> dict[str, Any]:
     """
     Return the settings in a YAML file, in the form of config.yaml or of a ROS parameter file for the estimator node.
 
+    The settings are nested tables, empty for an empty file. Of a parameter file, the first node with parameters is
+    used.
+
     Raises
     ------
     SettingsError
-        The file is not YAML, or not a table.
+        The file is not YAML, is not a table, or gives a name both a value and a table.
     OSError
         The file cannot be read.
     """
@@ -140,7 +143,11 @@ def _dotted(table: dict[str, Any], block: str = "") -> dict[str, Any]:
 
 
 def _nested(table: dict[str, Any]) -> dict[str, Any]:
-    """Return a table with dotted names, as in ROS parameter files, as nested tables."""
+    """
+    Return a table with dotted names, as in ROS parameter files, as nested tables.
+
+    Raises SettingsError if a name is both a value and a table.
+    """
     out: dict[str, Any] = {}
     for name, value in _dotted(table).items():
         *parents, leaf = name.split(".")

@@ -42,12 +42,14 @@ def attitude_file(folder: Path) -> Path | None:
 
 def surveys(folder: Path) -> list[dict[str, str]]:
     """
-    Return the lines of surveys.csv, column -> text.
+    Return the lines of surveys.csv, each as a table of column to text.
 
     Raises
     ------
     OSError
         The file does not exist or cannot be read.
+    ValueError
+        The file is not UTF-8 or exceeds its budget.
     """
     text = read_text(folder / "surveys.csv", budgets.LIST)
     check_lines(text, budgets.LIST)
@@ -66,7 +68,7 @@ def attitude(folder: Path) -> Iterator[Rows]:
     FileNotFoundError
         The folder has no attitude.
     ValueError
-        The file was not written by `mwd process`.
+        The file was not written by `mwd process`, or exceeds its budget.
     """
     file = attitude_file(folder)
     if file is None:

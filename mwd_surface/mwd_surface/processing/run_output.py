@@ -42,7 +42,7 @@ class OutputSettings:
 
 
 def results_in(folder: Path) -> list[Path]:
-    """Return the files in a folder that are results of a run."""
+    """Return the files in a folder, and the folder `MERGED`, that are results of `mwd process`."""
     return [folder / name for name in _RESULTS if (folder / name).is_symlink() or (folder / name).exists()]
 
 
@@ -51,10 +51,10 @@ def drafts(folder: Path) -> Iterator[Path]:
     """
     Yield a temporary folder next to `folder` for results.
 
-    The results are moved to `folder` if the block ends normally, and deleted otherwise.
+    The results are moved to `folder` if the `with` block ends normally, and deleted otherwise.
 
-    Results of an earlier run in `folder` are deleted in every format, so that the folder never mixes two runs; other
-    files stay.
+    Earlier results in `folder` are deleted in every format, so that the folder never mixes the results of two calls of
+    `mwd process`; other files stay.
 
     Raises
     ------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Result of an offline run: counts, surveys, faults, and the warnings that follow from them."""
+"""Summary of the processing of a bag: counts, surveys, faults, and the warnings that follow from them."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ TOOL_ASSUMED = (
 @dataclasses.dataclass
 class Summary:
     """
-    Result of a run over a bag.
+    Summary of the processing of a bag.
 
     Attributes
     ----------
     rows : int
         Number of IMU messages.
     start_ns, end_ns : int
-        Stamps of the first and the last IMU message.
+        Stamps of the first and the last IMU message, ns since 1970.
     rejected, gaps, without_gravity, without_azimuth : int
         Number of rows flagged as rejected, flagged as following a gap, without gravity, and without azimuth.
     disturbed : int
@@ -137,7 +137,7 @@ class Summary:
 
 
 def hindrance(pipeline: Pipeline, summary: Summary) -> str:
-    """Return the most frequent reason why the estimator took no survey, as text."""
+    """Return why the estimator took no survey, as text; of several reasons, the most frequent."""
     settings, found = pipeline.settings.survey, pipeline.still.hindrances
     needed = settings.settle_s + settings.duration_s
     if not settings.automatic:

@@ -19,7 +19,7 @@ class Thinner:
         self._last = -1
 
     def __call__(self, stamp_ns: NDArray[np.int64]) -> slice | NDArray[np.bool_]:
-        """Return the selection of the rows of a block to keep, by their stamps, shape (n,), ns."""
+        """Return which rows of a block to keep, by their stamps, shape (n,), ns: the first of each period, or all."""
         if self._period_ns <= 0 or not len(stamp_ns):
             return slice(None)
         intervals = stamp_ns // self._period_ns

@@ -40,7 +40,7 @@ class Decompressor:
         Raises
         ------
         FormatError
-            The data does not decompress to exactly the declared size, or its CRC is wrong.
+            The data does not decompress to exactly the declared size, or the chunk has a CRC and it is wrong.
         """
         try:
             plain = self._plain(head, data)

@@ -29,6 +29,7 @@ class MessageSpan:
     channels : frozenset of int, optional
         Channels with a message in the span; None if unknown.
     in_chunk : bool
+        Whether the span is a chunk.
     """
 
     start_ns: int
@@ -81,7 +82,8 @@ class Chunk:
     """
     A valid chunk found while scanning.
 
-    data, plain : records of the chunk, compressed and decompressed. walk : positions of the records in `plain`.
+    offset, length : position and length of the chunk's record, bytes. data, plain : records of the chunk, compressed
+    and decompressed. walk : positions of the records in `plain`.
     """
 
     offset: int
@@ -94,7 +96,12 @@ class Chunk:
 
 @dataclasses.dataclass(frozen=True)
 class Bare:
-    """Valid messages outside of any chunk."""
+    """
+    Valid messages outside of any chunk.
+
+    offset, length : position and length of the messages' records, bytes. plain : these records. walk : positions of the
+    records in `plain`.
+    """
 
     offset: int
     length: int

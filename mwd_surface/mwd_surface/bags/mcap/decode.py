@@ -2,7 +2,8 @@
 """
 Decoding of the bodies of records of an MCAP file.
 
-A length read from a file is compared with the rest of the file or chunk before anything is allocated.
+A length read from a file is compared with the rest of the file or chunk before anything is allocated. Every function
+raises FormatError if a field does not fit into the body.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class Cursor:
         self.at = 0
 
     def take(self, size: int) -> memoryview:
-        """Return the next `size` bytes."""
+        """Return the next `size` bytes; raise FormatError if there are fewer."""
         if size < 0 or self.at + size > len(self.data):
             raise FormatError(f"a field of {size} bytes does not fit into the {len(self.data) - self.at} left")
         part = self.data[self.at : self.at + size]
@@ -50,7 +51,7 @@ class Cursor:
         return bytes(self.take(self.number(length_bytes)))
 
     def text(self) -> str:
-        """Return a string that is preceded by its length."""
+        """Return a string that is preceded by its length; raise FormatError if it is not UTF-8."""
         try:
             return self.blob().decode()
         except UnicodeDecodeError as error:
@@ -103,7 +104,7 @@ def parse_chunk_head(body: bytes | memoryview, length: int) -> ChunkHead:
 
 
 def parse_chunk_index(body: bytes | memoryview) -> ChunkIndex:
-    """Return the chunk index in a record's body."""
+    """Return the chunk index in a record's body; raise FormatError if the body ends early."""
     # The fields are decoded here without `Cursor`, because a long recording has thousands of these records.
     body = memoryview(body)
     try:

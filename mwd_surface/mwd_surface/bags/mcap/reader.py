@@ -118,12 +118,13 @@ class McapFile:
 
     def read(self, offset: int, size: int) -> bytes:
         """
-        Return bytes of the file; several threads may call this at once.
+        Return `size` bytes of the file from byte `offset`; several threads may call this at once.
 
         Raises
         ------
         FormatError
-            The bytes reach beyond the end of the file, or are more than the largest chunk that is allowed.
+            The bytes reach beyond the end of the file, are more than the largest chunk that is allowed, or cannot be
+            read from the disk.
         """
         if size > MAX_CHUNK_BYTES + _CHUNK_HEAD_BYTES:
             raise FormatError(f"a record of {size} bytes is above the limit of {MAX_CHUNK_BYTES}")
@@ -138,7 +139,11 @@ class McapFile:
         return data
 
     def body(self, offset: int, opcode: int) -> bytes:
-        """Return the body of the record at byte `offset`. Raises FormatError if the record has another opcode."""
+        """
+        Return the body of the record at byte `offset`.
+
+        Raises FormatError if the record has another opcode, or as in `read`.
+        """
         prefix = self.read(offset, PREFIX)
         if prefix[0] != opcode:
             raise FormatError(f"byte {offset}: expected a record {opcode}, found {prefix[0]}")
@@ -172,7 +177,7 @@ class McapFile:
         return found
 
     def sound(self) -> bool:
-        """Return whether the file has its end and a summary with a valid checksum; the chunks are not read."""
+        """Return whether the file has its end and a summary whose checksum, if any, is valid; chunks are not read."""
         try:
             return self._summary() is not None
         except FormatError:

@@ -117,7 +117,7 @@ class ChunkIndex:
 
 @dataclasses.dataclass(frozen=True)
 class Attachment:
-    """A file stored inside the recording."""
+    """A file stored inside the recording; log_ns and create_ns are its log time and creation time, ns since 1970."""
 
     log_ns: int
     create_ns: int

@@ -43,7 +43,7 @@ def _always() -> bool:
 
 def recover(path: Path | str, output: Path | str | None = None) -> list[RecoveryReport]:
     """
-    Recover a file or every file of a bag.
+    Recover a file or every file of a bag; return one report per file.
 
     A single file is left unchanged, and its valid content is written to `output` (by default ``<name>.recovered.mcap``
     in the same folder). In a bag's folder the recovered file takes the name of the damaged file, which is kept with
@@ -71,7 +71,7 @@ def recover(path: Path | str, output: Path | str | None = None) -> list[Recovery
 
 def recover_file(source: Path, target: Path, going_on: Callable[[], bool] = _always) -> RecoveryReport:
     """
-    Write every valid message of `source` to a new, complete file `target`.
+    Write every valid message of `source` to a new, complete file `target`; without a valid message, write no file.
 
     going_on : called between chunks; if it returns False, recovery stops and nothing is written.
 
@@ -147,7 +147,7 @@ def recover_bag(folder: Path, going_on: Callable[[], bool] = _always, *, thoroug
 
 
 def is_unfinished(bag: Path) -> bool:
-    """Return whether a bag has a file without its end, or a file that metadata.yaml does not name."""
+    """Return whether a bag has a file without its end, or a file that no readable metadata.yaml names."""
     files = _files(bag)
     try:
         listed = {file.path for file in bag_metadata.read(bag).files}

@@ -77,7 +77,11 @@ class RecoveryReport:
 
 
 def check(path: Path) -> RecoveryReport:
-    """Read a whole file, compare its checksums, positions and counts, and report the faults. Raises OSError only."""
+    """
+    Return a report on a whole file, with the faults of its checksums, positions and counts.
+
+    Raises OSError if the file cannot be read; damage raises no error.
+    """
     try:
         file = McapFile(path)
     except FormatError as error:
@@ -107,7 +111,12 @@ def check(path: Path) -> RecoveryReport:
 
 @dataclasses.dataclass
 class Tally:
-    """Counts of messages, chunks and damages over the pieces of a scan."""
+    """
+    Counts of messages, chunks and damages over the pieces of a scan.
+
+    counts : number of messages by channel. lost_bytes : bytes that cannot be used. orphans : number of messages without
+    a channel. times : first and last log time, ns; empty without messages.
+    """
 
     contents: Contents
     counts: dict[int, int] = dataclasses.field(default_factory=dict)
@@ -119,7 +128,7 @@ class Tally:
     times: list[int] = dataclasses.field(default_factory=list)
 
     def add(self, piece: Chunk | Bare | Other | Damage) -> None:
-        """Count a piece."""
+        """Add the messages, times and damage of a piece of the file to the report."""
         if isinstance(piece, Damage):
             self.damages += 1
             self.lost_bytes += piece.end - piece.offset

@@ -112,9 +112,10 @@ def _count(data: Any) -> tuple[int, int]:
 
 def walk_records(data: Bytes) -> Walk:
     """
-    Find the records in a byte array, shape (n,), uint8.
+    Return the records in a byte array, shape (n,), uint8.
 
-    The walk stops at the first record that does not fit into the array, and never raises an error.
+    The walk stops at the first record that does not fit into the array, at a message shorter than its head, or when the
+    records that are not messages exceed their budget; it never raises an error.
     """
     n, m = _count(data)
     offset, size, log_ns, publish_ns = (np.empty(n, dtype=np.int64) for _ in range(4))
@@ -125,7 +126,11 @@ def walk_records(data: Bytes) -> Walk:
 
 
 def _possible(walk: Walk) -> Walk:
-    """Leave out and count messages with an impossible log time: one flipped bit must not lose the other messages."""
+    """
+    Return the walk without the messages that have an impossible (negative) log time; `impossible` is their number.
+
+    One flipped bit must not lose the other messages.
+    """
     possible = walk.log_ns >= 0
     if possible.all():
         return walk
@@ -133,7 +138,7 @@ def _possible(walk: Walk) -> Walk:
 
 
 def walk_plain(data: Bytes) -> Walk:
-    """Find the records like `walk_records`, but without a compiled loop; for short arrays."""
+    """Return the records like `walk_records`, but without a compiled loop; for short arrays."""
     view, end, at = data.tobytes(), len(data), 0
     rows: list[tuple[int, int, int, int, int]] = []
     others: list[int] = []

@@ -52,17 +52,27 @@ class McapWriter:
     ----------
     path : Path
         File to create; it must not exist.
-    compression : {"zstd", "lz4", ""}
-    level : int
+    compression : {"zstd", "lz4", ""} level : int
         Compression level of zstd.
     chunk_bytes : int
         A chunk is closed when its uncompressed records reach this size.
 
+    Attributes
+    ----------
+    size : int
+        Number of bytes written to the file.
+    counts : dict of int to int
+        Number of messages of each channel, including those in the current chunk.
+    start_ns, end_ns : int
+        First and last log time, ns; start_ns is None, and end_ns 0, without a message.
+
     Raises
     ------
+    ValueError
+        The compression is unknown.
     OSError
-        Writing fails; every method that writes may raise this. The current chunk then stays in memory and the file
-        ends after its last complete record, so that the call may be repeated or the file finished.
+        Writing fails; every method that writes may raise this. The current chunk then stays in memory and the file ends
+        after its last complete record, so that the call may be repeated or the file finished.
     """
 
     def __init__(self, path: Path, compression: str = "zstd", level: int = 1, chunk_bytes: int = 1024 * 1024) -> None:

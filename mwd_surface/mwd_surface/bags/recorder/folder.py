@@ -42,7 +42,7 @@ def recording_path(folder: Path, name: str, prefix: str) -> Path:
     Raises
     ------
     RecorderError
-        `name` contains a slash or another character that is not allowed.
+        `name` contains a slash or another character that is not allowed, or begins with a dot.
     """
     if name and (name != Path(name).name or name.startswith(".") or unprintable(name)):
         raise RecorderError(f"{name!r} is not a plain name for a recording", "give a name without slashes")

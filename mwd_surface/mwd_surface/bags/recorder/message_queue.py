@@ -54,8 +54,19 @@ class MessageQueue:
     """
     Messages and commands in the order in which they were delivered; no call waits.
 
+    Parameters
+    ----------
     limit : int
         Largest number of bytes that may wait.
+
+    Attributes
+    ----------
+    waiting_bytes : int
+        Number of bytes that wait now.
+    refused : int
+        Number of messages refused because the queue was full.
+    wake : Event
+        Set when the writer should read the queue.
     """
 
     def __init__(self, limit: int) -> None:

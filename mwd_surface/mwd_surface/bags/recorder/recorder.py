@@ -129,8 +129,8 @@ class Recorder:
         qos, type_hash : str
             Offered profiles as YAML and RIHS01 hash; used when the topic is first seen.
 
-        Returns False if the message was not accepted: nothing is being recorded, or the queue is full. A message that
-        does not fit into the queue is counted.
+        Returns False if the message was not accepted: nothing is being recorded and no snapshot is kept, or the queue
+        is full. A message that does not fit into the queue is counted.
         """
         if not self._taking:
             return False
@@ -149,7 +149,8 @@ class Recorder:
         Raises
         ------
         RecorderError
-            A recording is running already, the name is not a plain name, or the disk cannot be written.
+            A recording is running already, the name is not a plain name, the disk has less than `min_free_bytes`
+            free, cannot be written, or does not answer within `timeout_s`.
         """
         path: Path = self._command(lambda: self._start(name, dict(custom or {})), timeout_s)
         return path
@@ -184,11 +185,16 @@ class Recorder:
         return Path(self._command(lambda: self._snapshot(name), timeout_s))
 
     def attach(self, name: str, media_type: str, data: bytes, log_ns: int, timeout_s: float = 3.0) -> None:
-        """Attach a file to the recording. Raises RecorderError if no recording is running."""
+        """
+        Attach a file to the recording, with the time log_ns, ns since the epoch.
+
+        Raises RecorderError if no recording is running, or the disk cannot be written or does not answer in
+        `timeout_s`.
+        """
         self._command(lambda: self._running().writer.attach(name, media_type, data, log_ns), timeout_s)
 
     def add_metadata(self, name: str, values: Mapping[str, str], timeout_s: float = 3.0) -> None:
-        """Store a named table of strings inside the recording. Raises RecorderError if no recording is running."""
+        """Store a named table of strings inside the recording. Errors as in `attach`."""
         self._command(lambda: self._running().writer.add_metadata(name, dict(values)), timeout_s)
 
     def status(self) -> RecorderStatus:

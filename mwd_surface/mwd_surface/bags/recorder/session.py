@@ -121,7 +121,7 @@ class Session:
         self._put_tables()
 
     def take(self, item: QueuedMessage) -> None:
-        """Write a message; a message that cannot be written is counted and reported."""
+        """Write a message; a message that cannot be written is counted and reported, in a pause only counted."""
         if not self.writing:
             self.dropped += 1
             return
@@ -272,7 +272,7 @@ class Session:
         self._pause_writing(RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED, reason)
 
     def _file_deleted(self) -> None:
-        """Pause because the file was deleted while it was written; its messages are lost."""
+        """Pause because the current file was deleted; the messages of this file are lost and counted."""
         path = self.writer.file.path
         self.dropped += sum(self.writer.file.counts.values())
         self.writer.give_up_file()
@@ -313,7 +313,11 @@ class Session:
             self.disk_failed(error)
 
     def record(self, event: RecorderEvent) -> None:
-        """Record an event; events before the first message wait, because the time of the recording is not known yet."""
+        """
+        Record an event; during a pause the event is dropped.
+
+        Events before the first message wait for this message, because the time of the recording is not known yet.
+        """
         if not self.writing:
             return
         if not self._last_ns:
