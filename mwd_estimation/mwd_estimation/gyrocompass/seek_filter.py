@@ -257,7 +257,7 @@ def clear(sums: SeekSums) -> None:
 
 @compiled
 def reset(s: SeekState) -> None:
-    """Restart the seek after a data gap, because the motion in the gap is unknown; keep the clock and the scatter."""
+    """Begin the seek again, after a data gap or because the tool sways; keep the clock and the scatter."""
     clear(s.sums)
     for i in range(3):
         s.gyro_bias[i] = s.force_bias[i] = s.bias_ramp[i] = s.earth_rate[i] = s.down_axes[i] = 0.0
@@ -291,6 +291,9 @@ def advance(
             continue
         if verdict == track.AFTER_GAP:
             reset(s)
+            # The motion in the gap may have been another one.
+            for j in range(3):
+                s.scatter[j] = 0.0
             continue
         dt = (stamps[i] - last) * 1e-9
         _lose(p, s, dt, w, f, clipped[i])

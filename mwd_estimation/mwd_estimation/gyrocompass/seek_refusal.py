@@ -50,8 +50,7 @@ class Fit:
     sensitivity: float  #: share of the horizontal Earth rate that this method measures at this attitude, 0 to 1
     misfit: float  #: squared distance of the Earth rate from the latitude's, in sigmas
     other_sign: float  #: log evidence of the latitude with the other sign, relative to that of the latitude
-    #: `wrong`, `likeliest`: probability that the latitude is another one of the same sign, and the most probable other
-    #: one, rad.
+    #: `wrong`, `likeliest`: probability of all other latitudes together, and the most probable one of them, rad.
     wrong: float
     likeliest: float
     azimuths: tuple[float, ...]  #: azimuths that fit equally well, rad, if there are several

@@ -54,7 +54,7 @@ class NorthSession:
     gravity : float or None
         Local gravity, m/s^2.
     duration_s : float
-        Duration, s; 0: the duration of `params`.
+        Duration, s; 0: the duration of `params`. A seek that begins again lasts longer, up to twice the duration.
     mode : str
         One of `MODES`, or empty to accept any motion.
 
@@ -79,6 +79,7 @@ class NorthSession:
             raise ValueError(f"duration: must be 0 or at least {unit.shortest:g} s, got {duration_s:g}")
         # Levelling and settling do not count for the shortest seek.
         self.duration = max(duration_s or params.duration_s, unit.shortest + LEVEL_S + _SETTLING_S)
+        self._longest = 2.0 * self.duration
         self.elapsed = 0.0
         self._conventional = params
         self._unit, self._latitude, self._gravity, self._mode = unit, latitude_deg, gravity, mode or "auto"
@@ -153,7 +154,11 @@ class NorthSession:
         if len(ahrs[0]):
             rates = north_seek.dual_unit(stamps, rates, *ahrs, self._range, clipped)
             clipped = None if clipped is None else clipped & ~np.uint8(clip_flags.AXIAL_GYRO)
+        before = float(self._state.elapsed)
         north_seek.run(self._params, self._state, stamps, rates, values[:, 3:], clipped)
+        if self._state.elapsed < before:
+            # The seek has begun again: it gets the time that it has lost.
+            self.duration = min(self.duration + before + LEVEL_S + _SETTLING_S, self._longest)
 
     def solution(self) -> Solution:
         """Return the azimuth so far, or the reason why it must not be used."""

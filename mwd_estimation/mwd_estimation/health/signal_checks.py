@@ -78,7 +78,7 @@ class SignalLimits(NamedTuple):
     clipped: float = 0.2
     saturated: float = 0.9
     #: Samples whose mean step is larger than this multiple of the standard deviation are white noise. The multiple is
-    #: 1.13 for independent samples, 0.9 for a constant of which each seventh sample is wrong, and smaller for a motion
+    #: 1.13 for independent samples, 0.9 for a constant of which each sixth sample is wrong, and smaller for a motion
     #: of less than a radian between samples.
     white: float = 0.95
     #: Smallest standard deviation of a force that may be random numbers, in units of the range: uniform numbers have

@@ -61,7 +61,7 @@ class PrecisionUnitStage:
         return self._stamps, np.where(unknown[:, None], np.nan, rates) if unknown.any() else rates
 
     def begin(self, latitude_deg: float | None, gravity: float | None) -> None:
-        """Seek north from now on with this latitude, deg (None: no seek), and local gravity, m/s^2 (None: standard)."""
+        """Seek north from now on with this latitude, deg (None: no seek), and local gravity, m/s^2 (None: normal)."""
         self.station = GyroStation(self._params, latitude_deg, gravity)
 
     def take(self, stamps: Stamps, values: Array, clipped: NDArray[np.uint8]) -> None:
