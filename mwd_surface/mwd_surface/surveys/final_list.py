@@ -123,8 +123,11 @@ def _joined(whole: FinalList, source: ListSource) -> FinalList:
     if upper > lower:
         return _with(whole, [*surveys.records, *theirs], theirs, source)
 
+    held = _held(surveys, theirs)
+
     def left_out(record: SurveyRecord, better: str) -> SurveyRecord:
-        if not (record.in_use and upper <= record.measured_depth <= lower and _on_path(surveys, record)):
+        here = record.in_use and upper <= record.measured_depth <= lower and _on_path(surveys, record)
+        if not here or record.survey.sequence in held:
             return record
         comment = f"{record.comment}; {better} is used here".removeprefix("; ")
         return dataclasses.replace(record, in_use=False, comment=comment)
@@ -157,6 +160,25 @@ def _leg_at(surveys: SurveyList, measured_depth: float) -> Leg:
     while leg.parent and measured_depth <= leg.tie_on.measured_depth:
         leg = surveys.find_leg(leg.parent)
     return leg
+
+
+def _held(surveys: SurveyList, theirs: Sequence[SurveyRecord]) -> set[int]:
+    """
+    Return the numbers of the stations that hold the kick-offs of the current leg and of its parents in their place.
+
+    Such a station is the deepest one of a parent, if it is not below the kick-off. Without it the kick-off would keep
+    the position of a path that is no longer used. A station of `theirs` at least as deep on that parent replaces it.
+    """
+    held: set[int] = set()
+    leg = surveys.find_leg()
+    while leg.parent:
+        above = [r for r in (*surveys.records, *theirs) if r.in_use and r.leg == leg.parent]
+        deepest = max(above, key=lambda r: r.measured_depth, default=None)
+        own = deepest is not None and deepest not in theirs
+        if own and deepest.measured_depth <= leg.tie_on.measured_depth:
+            held.add(deepest.survey.sequence)
+        leg = surveys.find_leg(leg.parent)
+    return held
 
 
 def _renamed(source: ListSource, surveys: SurveyList) -> list[SurveyRecord]:

@@ -89,10 +89,13 @@ def conflicts(whole: SurveyList, record: SurveyRecord) -> list[str]:
 
 def _out_of_order(whole: SurveyList, record: SurveyRecord) -> list[SurveyRecord]:
     """Return the stations in use that are deeper and earlier than a record, or shallower and later."""
+    if not record.survey.stamp_ns:
+        return []
     return [
         r
         for r in in_use_on(whole, record.leg)
-        if (r.measured_depth - record.measured_depth) * (r.survey.stamp_ns - record.survey.stamp_ns) < 0.0
+        if r.survey.stamp_ns
+        and (r.measured_depth - record.measured_depth) * (r.survey.stamp_ns - record.survey.stamp_ns) < 0.0
     ]
 
 

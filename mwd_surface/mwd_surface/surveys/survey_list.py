@@ -209,8 +209,8 @@ class SurveyList:
         measured_depth : float
             New depth of the survey, m; NaN keeps the present one.
         replace : bool
-            Whether to accept the survey even if another station is at this depth (that station is then rejected) or if
-            an earlier station is deeper (this survey is then inserted above it).
+            Whether to accept the survey even if another station is at this depth (that station is then rejected), or if
+            an earlier station is deeper or a later one shallower (both then stay).
         value : Value
             Value of the survey to accept; it stays definitive until a person accepts another value.
 

@@ -14,10 +14,10 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Value
 
 
-def two_legs():
-    """The example well with a sidetrack of three stations below 500 m."""
+def two_legs(kick_off_m=500.0):
+    """The example well with a sidetrack of six stations below its kick-off."""
     whole = example.surveys(dataclasses.replace(example.WELL, error_model="MWD+SRGM"))
-    whole = whole.sidetracked("ST1", 500.0)
+    whole = whole.sidetracked("ST1", kick_off_m)
     for k in range(20, 26):
         whole = whole.add(example.survey(k, 28.0 + (k - 20), 70.0), 530.0 + 30.0 * (k - 20), 0.4)
     return whole
@@ -101,3 +101,17 @@ def test_a_run_gets_an_azimuth_by_multi_station_analysis_in_its_own_north():
     assert len(with_msa) == len(final.surveys.records)
     assert all(a.north == r.survey.north for r in with_msa for a in r.survey.azimuths if a.method == "msa")
     assert all(Verdict(r.survey.verdict) for r in with_msa if r.survey.sequence == 6)
+
+
+def test_a_kick_off_below_which_the_parent_ends_moves_with_the_path_that_is_used():
+    whole = two_legs(480.0)
+    below = [r.leg == "main" and r.measured_depth > 480.0 for r in whole.records]
+    ends = whole.with_records(
+        [dataclasses.replace(r, in_use=r.in_use and not b) for r, b in zip(whole.records, below, strict=True)]
+    )
+    # Stations from 310 m in steps of 20 m: none at the kick-off.
+    final = final_list([ListSource("run", ends, "MWD+SRGM"), ListSource("ifr", gyro(2.0, 290.0), "MWD+IFR1+MS")])
+    assert final.overlaps[0].used == "ifr"
+    parent, sidetrack = final.surveys.definitive("main"), final.surveys.definitive()
+    assert sidetrack.at(480.0)[2] == pytest.approx(parent.at(480.0)[2], abs=1e-9)
+    assert parent.at(480.0)[2] != pytest.approx(ends.definitive("main").at(480.0)[2], abs=1e-2)
