@@ -146,6 +146,8 @@ class Session:
         if not self.writing:
             return
         self._by_time()
+        if not self.writing:
+            return
         waiting = self.unsaved_since
         if waiting is not None and now - waiting >= self._settings.sync_seconds:
             # Close the current chunk too: otherwise a message of a quiet topic could wait for a chunk and then for a
@@ -228,7 +230,13 @@ class Session:
 
     def _watch_disk(self) -> None:
         self._checked_at, self._unchecked = time.monotonic(), 0
+        if self.writing and not self.writer.file.path.exists():
+            self._file_deleted()
+            return
         try:
+            if not self.writing:
+                # The folder may have been deleted since the pause began.
+                self.writer.file.path.parent.mkdir(parents=True, exist_ok=True)
             self.free = self._hooks.space(self._folder)
         except OSError as error:
             self.free = math.nan
@@ -236,9 +244,7 @@ class Session:
                 self.disk_failed(error)
             return
         low = self._settings.min_free_bytes
-        if self.writing and not self.writer.file.path.exists():
-            self._file_deleted()
-        elif self.writing and self.free < low:
+        if self.writing and self.free < low:
             reason = f"{self.free / 1e6:.0f} MB free on the disk of {self._folder}, {low / 1e6:.0f} MB must stay free"
             self._pause_writing(RecorderState.PAUSED_DISK_FULL, reason)
         elif not self.writing and self.free >= low + low // 8 and time.monotonic() >= self._retry_at:
