@@ -219,6 +219,7 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     even, evidence = np.empty(count), 0.0
     present, metric, sure = np.ones((count, values)), np.zeros(span), np.ones(count)
+    share = sure
     pumps, angles = _pumps(stretch, state, probability)
     for turn in range(_ROUNDS):
         filtered(stretch.pressure - pumps, state.whitener, whitened)
@@ -246,6 +247,8 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
             pumps = _new_noise(stretch, probability * present, state, (weight, angles))
     if not again:
         unary, _ = _unary(stretch, alone, common, (level, sure), probability * present)
+    # As the evidence, this is lowered only where `share` is.
+    expected_level = share * level
     level = sure * level
     fits = _fits(stretch, metric, sure, common, level, probability * present)
     g = _whitened(state.response, state.whitener)
@@ -254,7 +257,7 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     counts = np.array([mine.stop - mine.start for mine in members])
     ebn0 = 10.0 * np.log10(np.maximum(float(g @ g) * counts * math.log(2.0) / (2.0 * np.array(ways)), 1e-6))
     # A pulse at its true place has a metric of half its energy, reduced where samples or response are uncertain.
-    expected = 0.5 * float(g @ g * level.sum()) - sum(ways)
+    expected = 0.5 * float(g @ g * expected_level.sum()) - sum(ways)
     timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability * present, state, weight, pumps)
     return DecodedStretch(
         *(unary, level, common, probability, present, fits, state, stretch.per_packet(ebn0), timing),
@@ -508,7 +511,9 @@ def _sync_size(
     expected = of_sync[here] @ u
     rest = whitened[here] - (columns[here] - of_sync[here]) @ u
     weighted = weight[here] * expected
-    power = max(float(weighted @ expected), 1e-300)
+    power = float(weighted @ expected)
+    if not power > 0.0:
+        return 1.0, math.inf
     error = weighted @ of_sync[here]
     return float(weighted @ rest) / power, math.sqrt(1.0 / power + float(error @ covariance @ error) / power**2)
 
