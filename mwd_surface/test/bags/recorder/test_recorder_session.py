@@ -50,7 +50,9 @@ class Bench:
             ),
         )
 
-    def _space(self, _folder):
+    def _space(self, folder):
+        if not folder.exists():
+            raise FileNotFoundError(errno.ENOENT, "No such file or directory", str(folder))
         if isinstance(self.free, OSError):
             raise self.free
         return self.free
@@ -191,14 +193,14 @@ def test_the_free_space_is_checked_before_a_small_reserve_is_written_full(tmp_pa
 
 
 @pytest.mark.fault_case(63)
-@pytest.mark.parametrize("gone", ["file", "folder"])
+@pytest.mark.parametrize("gone", ["file", "folder", "all recordings"])
 def test_a_file_that_is_deleted_while_it_is_written_is_reported_and_recording_goes_on(bench, gone):
     for k in range(5):
         bench.take(k)
     bench.later(1.0)
     bench.file.path.unlink()
-    if gone == "folder":
-        shutil.rmtree(bench.path)
+    if gone != "file":
+        shutil.rmtree(bench.path if gone == "folder" else bench.path.parent)
     bench.later(1.0)
     session = bench.session
     assert (session.state, session.lost) == (RecorderState.FAILED, 5)
@@ -207,6 +209,21 @@ def test_a_file_that_is_deleted_while_it_is_written_is_reported_and_recording_go
     assert session.state == RecorderState.RECORDING
     bench.take(6)
     session.finish()
+    assert bench.recorded()[0] == 1
+
+
+@pytest.mark.parametrize("gone", ["folder", "all recordings"])
+def test_recording_goes_on_if_its_folder_is_deleted_while_it_is_paused(bench, gone):
+    bench.take(0)
+    bench.free = LOW - 1
+    bench.later(1.0)
+    assert not bench.session.writing
+    shutil.rmtree(bench.path if gone == "folder" else bench.path.parent)
+    bench.free = 10 * LOW
+    bench.later(6.0)
+    assert bench.session.writing
+    bench.take(1)
+    bench.session.finish()
     assert bench.recorded()[0] == 1
 
 
