@@ -173,10 +173,10 @@ def _held(surveys: SurveyList, theirs: Sequence[SurveyRecord]) -> set[int]:
     leg = surveys.find_leg()
     while leg.parent:
         above = [r for r in (*surveys.records, *theirs) if r.in_use and r.leg == leg.parent]
-        deepest = max(above, key=lambda r: r.measured_depth, default=None)
-        own = deepest is not None and deepest not in theirs
-        if own and deepest.measured_depth <= leg.tie_on.measured_depth:
-            held.add(deepest.survey.sequence)
+        if above:
+            deepest = max(above, key=lambda r: r.measured_depth)
+            if deepest not in theirs and deepest.measured_depth <= leg.tie_on.measured_depth:
+                held.add(deepest.survey.sequence)
         leg = surveys.find_leg(leg.parent)
     return held
 

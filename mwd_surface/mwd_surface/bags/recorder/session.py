@@ -146,7 +146,7 @@ class Session:
         if not self.writing:
             return
         self._by_time()
-        if not self.writing:
+        if self.state != RecorderState.RECORDING:
             return
         waiting = self.unsaved_since
         if waiting is not None and now - waiting >= self._settings.sync_seconds:
