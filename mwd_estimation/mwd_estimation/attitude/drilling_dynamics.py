@@ -30,7 +30,7 @@ _PER_PERIOD = PERIOD_NS // SLOT_NS
 SLOTS = PERIODS * _PER_PERIOD
 # Excursions closer than this count as one shock, ns; one microsecond is added for uneven stamps.
 _SEPARATION_NS = 10_001_000
-_LEAST_SPEED = 0.5  # mean rotary speed below which there is no stick-slip index, rad/s
+_LEAST_SPEED = 0.5  # smallest mean rotary speed for a stick-slip index, rad/s
 _NONE = np.iinfo(np.int64).min
 
 

@@ -160,8 +160,7 @@ def best_north(reference: Reference | None) -> str:
 
     True north needs the declination, grid north also a convergence other than 0.
     """
-    # A convergence of 0 means that there is no grid: grid north and true north are the same, and the name "true" is
-    # used.
+    # With a convergence of 0, grid north equals true north and is called "true".
     for north in ("grid", "true") if reference is not None and reference.convergence else ("true",):
         if north_correction(reference, north) is not None:
             return north

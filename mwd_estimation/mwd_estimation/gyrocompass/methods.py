@@ -25,7 +25,11 @@ from mwd_sensors.core.frames import mat_nt
 
 
 class NorthSeek:
-    """Seek by `north_seek`; errors: gyro errors known at the start of the seek, None if there is no earlier seek."""
+    """
+    North seek with the filter of `north_seek`.
+
+    errors: gyro errors that an earlier seek has found; None in the first seek.
+    """
 
     #: Whether a rotation about the tool's axis may be part of the seek.
     turns = True

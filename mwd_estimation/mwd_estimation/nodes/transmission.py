@@ -57,7 +57,7 @@ class TransmissionPublisher:
 
     @property
     def channels(self) -> Mapping[str, LogChannel]:
-        """Log channels by name: those of the tool, or the default channels if there is no tool."""
+        """Log channels of the first tool by name; the default channels without a tool."""
         return self._tools[0].logged if self._tools else log_channels.CHANNELS
 
     def take(self, imu: Samples, output: Output, pipeline: Pipeline, running: Running, frame: str) -> None:

@@ -32,7 +32,7 @@ from mwd_sensors.core.frames import (
 
 # 1 sigma of an unknown azimuth, rad.
 _UNKNOWN_SIGMA = math.pi
-# Ratio of horizontal to total field at or below which there is no azimuth.
+# The azimuth is unknown if the ratio of horizontal to total field is not larger than this.
 _LEVEL = 1e-6
 # Smallest field, T, and specific force, m/s^2, that count as a reading.
 _NO_FIELD = 1e-12

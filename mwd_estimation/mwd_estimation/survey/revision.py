@@ -166,8 +166,8 @@ def _divided(seeks: list[dict[int, Taken]]) -> int:
     """
     Return the index at which to divide the seeks.
 
-    The run is divided at a gap in which the string may have changed: at the gap nearest the middle, or in the middle if
-    there is no such gap.
+    The run is divided at the gap nearest the middle in which the string may have changed. Without such a gap, it is
+    divided in the middle.
     """
     hazards = [next(iter(seek.values())).hazard for seek in seeks]
     gaps = [k for k in range(1, len(seeks)) if hazards[k] - hazards[k - 1] > _GAP]

@@ -84,7 +84,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         Let only one process compile this kernel; other processes wait and then read the machine code from the cache.
 
         Without this lock, nodes and test workers that start together would each compile the same kernels for minutes.
-        If there is no cache folder, or the lock is refused, the kernel is compiled without waiting.
+        Without a cache folder, or if the system refuses the lock, the process compiles without waiting.
         """
         # A kernel waits only for kernels that it calls, so processes cannot deadlock, except if two kernel names have
         # the same lock byte. The operating system detects that deadlock and refuses the lock.

@@ -184,7 +184,11 @@ def _take_mag(f: Field, mag: MagneticSamples, stamp_ns: int) -> None:
 
 @compiled
 def _publish(s: BoundedRecord) -> int:
-    """Set gravity, and the sigmas while there is no attitude; return the bits of `Status` from the filter."""
+    """
+    Write the output of a sample into the record; return the status bits of the filter.
+
+    With an attitude, the output is the direction of gravity; before the first attitude, it is the two sigmas.
+    """
     if s.started:
         for j in range(3):
             s.g_t[j] = s.C[2, j]
