@@ -217,10 +217,13 @@ def _with(
     legs = {r.survey.sequence: r.leg for r in theirs if r.in_use}
     path = surveys.definitive()
     intervals: list[Interval] = []
+    station = 0
     for k, number in enumerate(path.sequence):
-        if number not in legs:
+        # A kick-off has no survey; its tool is the tool of the station above.
+        station = number or station
+        if station not in legs:
             continue
-        above, here, leg = float(path.md[k - 1]), float(path.md[k]), legs[number]
+        above, here, leg = float(path.md[k - 1]), float(path.md[k]), legs[station]
         if intervals and (intervals[-1].to_m, intervals[-1].leg) == (above, leg):
             intervals[-1] = dataclasses.replace(intervals[-1], to_m=here)
         else:
