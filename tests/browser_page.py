@@ -158,11 +158,15 @@ def rig_on(browser, size=(1024, 768), path="", **options):
         rig.server.stop()
 
 
-def show(browser, rig, size=(1024, 768), path=""):
+def resize(browser, size):
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",
         {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False},
     )
+
+
+def show(browser, rig, size=(1024, 768), path=""):
+    resize(browser, size)
     browser.get(rig.server.address + path)
     wait(browser, lambda: text(browser, "#well-name") == "Nordlys 7 H")
 

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from browser_page import TOKEN, By, Keys, Rig, box, click, rig_on, show, sign_in, tab, text, wait
+from browser_page import TOKEN, By, Keys, Rig, box, click, resize, rig_on, show, sign_in, tab, text, wait
 from mwd_surface.live.alarms import Severity
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
@@ -219,3 +219,17 @@ def test_the_clock_shows_utc_and_the_time_at_the_rig(browser):
         utc, there = (part.split()[0] for part in text(browser, "#clock").split(" · "))
         assert abs(int(there[:2]) - int(utc[:2])) % 24 in (8, 16)
         assert utc[3:] == there[3:]
+
+
+@pytest.mark.parametrize("path", ["", "?view=charts"])
+def test_the_type_of_charts_follows_a_window_that_changes_its_size(browser, path):
+    room = """const plot = [...document.querySelectorAll('.u-over')].find((one) => one.offsetWidth);
+    const type = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    return plot ? parseFloat(plot.style.left) / type : null;"""
+    with rig_on(browser, (1280, 800), path=path) as rig:
+        history(rig)
+        tab(browser, "charts")
+        wait(browser, lambda: browser.execute_script(room) is not None)
+        before = browser.execute_script(room)
+        resize(browser, (3840, 2160))
+        wait(browser, lambda: abs(browser.execute_script(room) - before) < 0.1)
