@@ -231,7 +231,8 @@ class ControlServer:
             return []
         status = self.authority.status(time.monotonic())
         values = (("refused", str(self.authority.refused)), ("sequence", str(status.sequence)))
-        words = f"{status.owner} has control" if status.owner else "the driller has control"
+        name = status.owner
+        words = f"{name} has control" if name else "the driller has control"
         if status.state == ControlState.FAULT:
             return [Diagnostic("control", WARN, status.reason, "take control back, or grant a new lease", values)]
         if status.refusal:

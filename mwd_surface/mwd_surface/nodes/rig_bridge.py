@@ -79,7 +79,7 @@ class RigBridge:
             authority=authority,
         )
         for name, error in self._port.start().items():
-            self._alarm_log.log_event(f"rig {name}", error, Severity.WARNING)
+            self._alarm_log.log_event("rig", f"{name}: {error}", Severity.WARNING)
 
     def open(self) -> None:
         """Open the topic of the rig's data if an interface can receive rig data."""
