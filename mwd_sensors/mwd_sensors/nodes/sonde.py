@@ -23,7 +23,7 @@ from mwd_sensors.core.settings import from_mapping, setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.nodes.telemetry import TelemetryTopics
 from mwd_sensors.ros import qos
-from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
+from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
@@ -330,7 +330,7 @@ class SondeNode(GraphNode[SondeSettings]):
         elapsed, rate = self._dropped_s + time.monotonic() - self._started_at, self.settings.rate
         if rate > 0.0 and (behind := elapsed - self._simulated_until / rate) > 1.0:
             remedy = "lower the rate, or end other programs on this machine"
-            return Diagnostic("scenario", ERROR, f"{behind:.1f} s behind the clock", remedy, values)
+            return Diagnostic("scenario", WARN, f"{behind:.1f} s behind the clock", remedy, values)
         message = f"{self._simulated_until:.0f} of {self._sonde.duration:.0f} s"
         return Diagnostic("scenario", OK, message, values=values)
 

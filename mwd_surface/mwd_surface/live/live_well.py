@@ -313,7 +313,7 @@ class LiveWell:
         self.diagnostics.update(now)
         self.inputs.update(now, shown=not self._said.tells_inputs)
         depths = self.inputs.table.depth_difference
-        self._supervision.over_at = self.diagnostics.over_at
+        self._supervision.over_at, self._supervision.over_by = self.diagnostics.over_at, self.diagnostics.over_by
         self._supervision.update(now, book.depth.clock_difference, depths, self._outlet.readings())
         self._link.update()
         self.decoder.update(now)
@@ -544,6 +544,8 @@ class SupervisionMonitor:
     over_at : float or None
         Time of the end of the simulation or replay that makes the data, s. Topics and nodes that are silent from then
         on raise no alarm (ISA-18.2: suppressed by design).
+    over_by : str
+        Node that has made the data. It may end at any later time, so that its heartbeat is not expected.
     """
 
     def __init__(self, context: WellContext) -> None:
@@ -557,6 +559,7 @@ class SupervisionMonitor:
         self._advanced_at = self._sampled_at = 0.0
         self.judged: set[str] = set()
         self.over_at: float | None = None
+        self.over_by = ""
 
     @property
     def heard(self) -> frozenset[str]:
@@ -604,7 +607,8 @@ class SupervisionMonitor:
         last = {f"input.{topic}": at for topic, at in self._received_at.items()}
         last |= {f"heartbeat.{node}": at for node, at in self._beat_at.items()}
         expected = -math.inf if self.over_at is None else self.over_at + _TRAILING
-        readings = {alarm: now - at for alarm, at in last.items() if at > expected}
+        ended = f"heartbeat.{self.over_by}"
+        readings = {alarm: now - at for alarm, at in last.items() if at > expected and alarm != ended}
         readings |= self._figures
         readings["clock.sonde"] = self._sampled_at - self._advanced_at
         if clock_difference is not None:

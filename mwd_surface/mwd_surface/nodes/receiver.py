@@ -337,8 +337,10 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self._line.close()
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return a diagnostic for each link and, once samples have arrived, one for the reference field."""
+        """Return diagnostics of each link, of a serial line that fails, and, with samples, of the reference field."""
         found = [self._diagnostic(one) for one in self._inputs]
+        if self._line is not None and self._line.failure:
+            found.append(Diagnostic("serial line", ERROR, self._line.failure, "check the cable and the port"))
         heard = [one.feed for one in self._inputs if one.feed.heard]
         # The reference field depends on the date, which is taken from the stamps of the samples.
         if heard:
@@ -353,8 +355,6 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             ("unreadable", str(self._unreadable)),
         )
         name = "link" if len(self._inputs) == 1 else f"link {one.feed.tool.link}"
-        if one.buffer is None and self._line is not None and self._line.failure:
-            return Diagnostic(name, ERROR, self._line.failure, "check the cable and the port", values)
         lost = ERROR if one.feed.heard else WARN
         level = {NO_INPUT: lost, NO_FLOW: OK, LOCKED: OK}.get(quality.state, WARN)
         return Diagnostic(name, level, quality.reason or "words arrive", values=values)
