@@ -17,7 +17,7 @@ from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
 
-# Selectable methods: all states of `north_seek`, or the fifteen of S1 (`static_ekf`).
+# Selectable methods: seek, the filter `north_seek`; s1, the filter `static_ekf` of paper S1 with 15 states.
 SEEK, S1 = "seek", "s1"
 # White noise if neither the parameters nor the tool give it (a tactical MEMS gyro), and smallest credible white noise,
 # deg/sqrt(h).

@@ -474,7 +474,7 @@ class Master:
         self._free_s = now_s
 
     def _give_up(self, now_s: float) -> None:
-        """Note why there was no reply; let the request be repeated, or after the last repetition go on to the next."""
+        """Note why there was no reply; repeat the request, or after the last repetition send the next one."""
         self._note(self._why())
         self.counters.broken += bool(self._held)
         self._tries += 1

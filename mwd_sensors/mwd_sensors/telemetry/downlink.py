@@ -27,7 +27,7 @@ ECHO_WORD = "DLnk"
 """Word of the uplink that repeats the last received command (`DownlinkFrame.echo`); 0 means that none was received."""
 
 _DATA_SYMBOLS = 9
-# Default of the lowest drilling value at which commands are sent and accepted, rad/s and m^3/s.
+# Default of the lowest rotary speed, rad/s, and flow, m^3/s, during drilling at which commands are sent and accepted.
 _LEAST = {ROTATION: 4.0, FLOW: 0.01}
 # Gray code: neighbouring levels differ in one bit, so that the most likely symbol error is one bit error.
 _GRAY = (0b00, 0b01, 0b11, 0b10)
@@ -93,7 +93,7 @@ class Downlink:
 
     @property
     def least_value(self) -> float:
-        """Lowest drilling value at which commands are sent and accepted, rad/s or m^3/s."""
+        """Lowest rotary speed, rad/s, or flow, m^3/s, during drilling at which commands are sent and accepted."""
         return self.least or _LEAST[self.medium]
 
     @property

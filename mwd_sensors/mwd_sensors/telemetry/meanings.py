@@ -87,7 +87,7 @@ def si_unit(unit: str) -> str:
 
 def check_unit(name: str, unit: str) -> None:
     """
-    Raise ValueError for a unit that does not measure the quantity of a word with this name.
+    Raise ValueError for a unit that does not fit the word with this name; the message lists the units that fit.
 
     Raises
     ------

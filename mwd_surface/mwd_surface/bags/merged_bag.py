@@ -126,7 +126,7 @@ class MergedBag:
 
     @property
     def definitions(self) -> Definitions:
-        """Definitions of the message types that new topics can have."""
+        """Definitions of the message types that `topic` accepts."""
         return self._writer.definitions
 
     def topic(self, name: str, type_name: str) -> tuple[int, str]:

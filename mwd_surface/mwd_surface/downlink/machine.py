@@ -432,7 +432,7 @@ class DeviationWatch:
     Parameters
     ----------
     base : float
-        Drilling value of the quantity that the downlink changes.
+        Rotary speed or flow during drilling, from which the downlink starts.
     other : float or None
         Initial value of the quantity that the downlink does not change; None: unknown, this quantity is not compared.
     margins : (float, float)

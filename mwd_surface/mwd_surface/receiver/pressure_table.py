@@ -580,7 +580,7 @@ class _TableFile:
         return columns
 
     def _table_cells(self, numbers: Sequence[int]) -> list[list[str]]:
-        """Return the cells of columns of a spreadsheet."""
+        """Return columns of a spreadsheet as lists of texts; rows that are too short are left out."""
         rows = [row.cells for row in self._table.rows if len(row.cells) > max(numbers)]
         return [[repr(row[k]) if isinstance(row[k], float) else str(row[k]) for row in rows] for k in numbers]
 

@@ -174,7 +174,7 @@ class SurveyList:
         return whole.records
 
     def _allows(self, record: SurveyRecord) -> bool:
-        """Return whether the rules let a survey enter the path next to the stations in use, without a decision."""
+        """Return whether the rules let a survey enter the path of the stations in use without a person's decision."""
         accepted = record.survey.verdict == Verdict.ACCEPT
         return self.rules.automatic and accepted and not obstacles(self, record)
 

@@ -110,7 +110,7 @@ class RunFilter:
         self.state = RunState(np.zeros((k, SIZE)), covariance, np.log(np.maximum(self.filters.weight, 1e-300)))
 
     def expect_gyro(self) -> None:
-        """Split each filter in two at the first seek of a gyro: from then on the gyro may drift."""
+        """At the first seek of a gyro, double each filter: in the second copy the azimuth error of the gyro drifts."""
         if not self.filters.adrift.any():
             self.filters = self.filters.with_gyro()
 

@@ -52,7 +52,9 @@ class McapWriter:
     ----------
     path : Path
         File to create; it must not exist.
-    compression : {"zstd", "lz4", ""} level : int
+    compression : {"zstd", "lz4", ""}
+        Compression of the chunks; "": none.
+    level : int
         Compression level of zstd.
     chunk_bytes : int
         A chunk is closed when its uncompressed records reach this size.

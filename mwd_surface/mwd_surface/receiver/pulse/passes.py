@@ -185,7 +185,7 @@ def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH
 
 
 def sync_places(tool: ToolConfiguration, start: int) -> list[PulsePlace]:
-    """Return the pulses of a sync that starts at a sample."""
+    """Return the places of the pulses of a sync that starts at the sample `start`."""
     edges = (float(start + SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu)
     return [PulsePlace(edge, 1.0, edge) for edge in edges]
 

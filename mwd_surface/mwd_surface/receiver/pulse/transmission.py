@@ -34,7 +34,7 @@ _HISTORY_TU = 400  # length of the past that is used for the estimate of channel
 _AFTER_TU = 14
 # Probability of a wrong table above which the transmission counts as lost: at least three words in a row do not fit.
 _LOST = 0.999
-_DOUBTFUL = 0.2  # probability of a wrong table above which the parities count as failing
+_DOUBTFUL = 0.2  # probability of a wrong word table above which the parities count as failing
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
 _TWO_TOOLS = "two tools send at once; give them different pulse widths or transmit delays"
 FADED = "no pulses any more: flow off, too weak, or the tool began anew"
@@ -648,8 +648,8 @@ class Presence:
             return
         evidence = sum(one.evidence for one in last)
         was = self.faint
-        # Growing noise, as after stalls, lowers the expected evidence; but evidence that noise alone can reach is never
-        # a pulse.
+        # Growing noise, as after stalls, lowers the expected evidence. The expectation stays above the evidence that
+        # noise alone can reach.
         noise = _LEAST_EVIDENCE * packets / _JUDGED_PACKETS
         expected = max(_FAINT * sum(one.expected for one in last), noise)
         self.faint = evidence <= min(_FAINT * self.usual * packets, expected)
