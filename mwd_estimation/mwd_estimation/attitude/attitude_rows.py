@@ -62,7 +62,6 @@ def write(
 
     Parameters
     ----------
-    stretch : OneFieldStretch
     last : LastMagnetic
         Changed in place.
     samples, plain, azimuth : ndarray, shape (n,)

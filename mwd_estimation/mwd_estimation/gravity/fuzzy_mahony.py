@@ -105,7 +105,6 @@ def run(params: MahonyParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLi
 
     Parameters
     ----------
-    params : MahonyParams
     state : State
         State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)

@@ -115,7 +115,6 @@ def run(
 
     Parameters
     ----------
-    params : SeekParams
     state : SeekState
         State of the seek, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)

@@ -115,7 +115,6 @@ def at_place(
     unit : SeekParams
         Figures of the precision unit. If its white noise is 0, or clearly smaller than the measured noise, the measured
         noise is used; if both are 0 or None, `TACTICAL_NOISE_DEG_RTH`.
-    latitude_deg : float
     gravity : float or None
         Gravity at the latitude, m/s^2; None: normal gravity on the ellipsoid.
     noise_deg_rth : float or None

@@ -47,10 +47,8 @@ class NorthSession:
 
     Parameters
     ----------
-    params : SessionParams
     unit : SeekParams
         Figures of the precision unit; latitude and gravity are set from the arguments below.
-    latitude_deg : float
     gravity : float or None
         Local gravity, m/s^2.
     duration_s : float

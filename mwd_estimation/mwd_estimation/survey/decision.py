@@ -119,7 +119,6 @@ class SurveyDecision:
 
     Parameters
     ----------
-    settings : StationSettings
     faults : FaultHistory
         Faults of the sensors; the caller updates it.
     """
@@ -148,10 +147,8 @@ class SurveyDecision:
 
         Parameters
         ----------
-        average : StillAverage
         sequence : int
             The survey's number.
-        reference : Reference or None
         gyro : Solution or None
             North from the precision unit, or the reason for none; None if there is no precision unit.
         turning : Turning or None

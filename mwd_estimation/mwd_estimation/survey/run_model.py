@@ -94,13 +94,7 @@ def elapsed(before: float, now: float) -> float:
 
 
 class RunModel:
-    """
-    Model of the stations of one tool in one assembly, in the order in which they were taken.
-
-    Parameters
-    ----------
-    settings : StationSettings
-    """
+    """Model of the stations of one tool in one assembly, in the order in which they were taken."""
 
     def __init__(self, settings: StationSettings) -> None:
         self._settings = settings

@@ -80,8 +80,6 @@ class CoilVoltage:
 
     Parameters
     ----------
-    channel : CoilChannel
-    coil : Coil
     place : callable
         Position and direction of the sonde at a time; called for the ends of the blocks.
     drive : callable

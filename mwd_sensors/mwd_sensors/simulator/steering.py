@@ -197,7 +197,6 @@ class String:
 
     Parameters
     ----------
-    steering : Steering
     timeline : Timeline
         Schedule of depth, weight and pumps; before the first command also of the rotation.
     toolface : float

@@ -76,7 +76,6 @@ class TelemetryLink:
 
     Parameters
     ----------
-    telemetry : Telemetry
     timeline : Timeline
         Depth and pumps of the simulation.
     rig : Rig

@@ -301,7 +301,6 @@ def encode(
 
     Parameters
     ----------
-    tool : ToolConfiguration
     items : tuple of SequenceItem
     codes : tuple of int
         Value of each word without parity; None for a missing measurement.

@@ -33,7 +33,6 @@ class SampleDecoder:
 
     Parameters
     ----------
-    topics : dict of str to TopicInfo
     message_compression : bool
         Whether each message is compressed separately.
     report : callable

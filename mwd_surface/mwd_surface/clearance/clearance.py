@@ -210,7 +210,6 @@ def clearance(
         Well being drilled; the result is given along this well.
     offset : UncertainWell
         Other well, in the same axes and from the same origin.
-    rule : ClearanceRule
     shared_to : float, optional
         Measured depth down to which both wells are the same hole, m, for a sidetrack and its parent. They are compared
         below this depth, and the position at this depth is assumed to be exact.

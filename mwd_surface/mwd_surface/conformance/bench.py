@@ -131,7 +131,6 @@ class Bench:
 
     Parameters
     ----------
-    interface : Interface
     person : Person or None
         Person at the rig; None: nobody can grant or take back control, so cases that need a person are skipped.
     heartbeat_s : float

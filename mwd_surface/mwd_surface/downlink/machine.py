@@ -104,7 +104,6 @@ class Machine:
     ----------
     tool : ToolConfiguration
         Tool configuration as delivered.
-    settings : DownlinkSettings
     in_force : ToolSettings
         Settings with which the tool runs now.
     counter : int

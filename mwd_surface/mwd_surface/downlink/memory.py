@@ -58,13 +58,7 @@ class Kept(NamedTuple):
 
 
 class Memory:
-    """
-    Downlink file of one well.
-
-    Parameters
-    ----------
-    file : Path
-    """
+    """Downlink file of one well."""
 
     def __init__(self, file: Path) -> None:
         self._file = file

@@ -29,8 +29,6 @@ class LogMonitor:
 
     Parameters
     ----------
-    context : WellContext
-    book : SurveyBook
     source : str
         Link whose samples are used, as in the setting `link.source`.
     """

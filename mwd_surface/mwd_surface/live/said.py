@@ -46,7 +46,6 @@ class SaidByTheSurface:
 
     Parameters
     ----------
-    context : WellContext
     book : SurveyBook
         Receives the survey list, and the depth that a person had set.
     on_outcome : callable

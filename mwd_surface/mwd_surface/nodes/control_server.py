@@ -43,7 +43,6 @@ class ControlServer:
     ----------
     context : SurfaceContext
         Node, live state and alarm log of the surface.
-    settings : ControlSettings
 
     Attributes
     ----------

@@ -88,7 +88,6 @@ class BagEstimate:
 
     Parameters
     ----------
-    bag : Bag
     estimator, given : settings
         Settings of the estimator and of the input.
     compensation : Compensation, optional

@@ -60,10 +60,8 @@ class SampleStream:
 
     Parameters
     ----------
-    bag : Bag
     names : sequence of str
         Topics, the IMU first if there is one; messages without stamped samples pass unchanged.
-    given : InputSettings
     held : str
         Topic whose samples are held back until it is known whether each sample comes twice (`RepeatedSamples`), as in
         live use.
@@ -171,12 +169,6 @@ class InputStream(SampleStream):
     """
     Samples of a recording in the form that the estimator needs: complete, and in SI.
 
-    Parameters
-    ----------
-    bag : Bag
-    topics : Topics
-    given : InputSettings
-
     Attributes
     ----------
     topics : Topics
@@ -247,10 +239,8 @@ class RecordingStream:
 
     Parameters
     ----------
-    bag : Bag
     names : sequence of str
         Topics of the recording; one half of an IMU also includes the other half.
-    given : InputSettings
 
     Attributes
     ----------

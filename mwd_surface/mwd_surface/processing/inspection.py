@@ -148,7 +148,6 @@ def inspect(
 
     Parameters
     ----------
-    bag : Bag
     given, estimator : settings
         Known facts: topics, units, place, mount.
     output : Path

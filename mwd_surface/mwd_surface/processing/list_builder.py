@@ -40,7 +40,6 @@ class ListBuilder:
 
     Parameters
     ----------
-    bag : Bag
     topics : Topics
         Topics of the well.
     estimator, given : settings

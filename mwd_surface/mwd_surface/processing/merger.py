@@ -43,7 +43,6 @@ class Merger:
     ----------
     path : Path
         Folder of the copy.
-    bag : Bag
     imu_topic : str
         Topic of the IMU; the estimates get the namespace of this topic and the log times of its messages.
     thinner : Thinner

@@ -60,7 +60,6 @@ def process(
 
     Parameters
     ----------
-    bag : Bag
     folder : Path
         Created if it does not exist; other files in it are not changed.
     estimator, given : settings

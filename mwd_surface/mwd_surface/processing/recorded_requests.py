@@ -76,7 +76,6 @@ class RecordedRequests:
 
     Parameters
     ----------
-    bag : Bag
     namespace : str
         Namespace of the well, with a slash at its end.
     begin_ns : int

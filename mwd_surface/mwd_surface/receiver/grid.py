@@ -84,7 +84,6 @@ class Grid:
         ----------
         position, pace : float
             Position of the first value, and distance from one value to the next, steps.
-        count : int
 
         Returns
         -------

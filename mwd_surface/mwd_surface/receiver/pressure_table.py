@@ -138,7 +138,6 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
 
     Parameters
     ----------
-    path : Path
     gauge : int
         Number of the pressure column among all pressure columns, from 1.
     columns : mapping of str

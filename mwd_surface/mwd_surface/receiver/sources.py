@@ -99,7 +99,6 @@ class ModbusGauge:
 
     Parameters
     ----------
-    settings : GaugeSettings
     clock : callable
         Returns the present time, s.
     """
@@ -282,8 +281,6 @@ class SerialBytes:
 
     Parameters
     ----------
-    port : str
-    baud : int
     clock : callable
         Returns the present time, s.
     """

@@ -166,7 +166,6 @@ class SlideSheet:
 
         Parameters
         ----------
-        stamp_ns : int
         hole_depth : float
             Hole depth, m; if it has not increased, nothing was drilled.
         rotary_speed : float

@@ -169,7 +169,6 @@ def error_terms(
         Measured depth, m, inclination and azimuth from true north, rad.
     tools : sequence of ErrorTool or None, length n
         Tool that measured each station; None for a station that is taken as given (a tie-on).
-    reference : ErrorReference
     first_tvd : float
         Vertical depth of the first station, m.
     without_angles : ndarray of bool, shape (n,), optional

@@ -96,7 +96,6 @@ def forecast(
 
     Parameters
     ----------
-    plan : Plan
     north : str
         North of the plan's azimuths: "true", "grid" or "magnetic".
     code : str

@@ -91,14 +91,7 @@ class Predicted(CircleEvidence):
 
 
 class RunFilter:
-    """
-    Parallel filters of the errors that the stations of one tool in one assembly share.
-
-    Parameters
-    ----------
-    priors : Priors
-    sigmas : Sigmas
-    """
+    """Parallel filters of the errors that the stations of one tool in one assembly share."""
 
     def __init__(self, priors: Priors, sigmas: Sigmas) -> None:
         self.priors, self.sigma, self._own = priors, sigmas.shared, sigmas.own

@@ -83,7 +83,6 @@ class McapFile:
 
     Parameters
     ----------
-    path : Path
     damaged : bool
         Whether to accept a file that does not begin like an MCAP file, because its first bytes may be damaged.
 

@@ -142,10 +142,6 @@ class OtherWidth:
     """
     Search for another pulse width in the pressure since flow-on, one width per second of samples.
 
-    Parameters
-    ----------
-    tool : ToolConfiguration
-
     Attributes
     ----------
     found_s : float or None

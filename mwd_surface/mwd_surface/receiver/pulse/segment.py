@@ -203,7 +203,6 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
 
     Parameters
     ----------
-    stretch : StretchOnToolClock
     channel : ChannelEstimate
         Estimate to start from.
     """

@@ -90,7 +90,6 @@ class SurveyMemory:
 
     Parameters
     ----------
-    tool : ToolConfiguration
     rested : callable
         Returns whether the pumps were off long enough for a survey between two times, s.
     """

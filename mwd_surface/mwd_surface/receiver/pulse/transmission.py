@@ -54,10 +54,8 @@ class ReceivedTransmission:
 
     Parameters
     ----------
-    tool : ToolConfiguration
     grid : Grid
         Pressure, to which later samples are appended.
-    found : SyncFound
     position : float
         Position where the sync starts, steps of the grid.
     doubt : Doubt
