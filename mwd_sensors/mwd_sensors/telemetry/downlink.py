@@ -79,14 +79,7 @@ class Downlink:
     carriers_hz: tuple[float, ...] = setting((), "Carriers that a command can select.", unit="Hz", low=0.1, high=200.0)
 
     def __post_init__(self) -> None:
-        """
-        Check the tables.
-
-        Raises
-        ------
-        ValueError
-            A table has more entries than an argument can number.
-        """
+        """Raise ValueError if a table has more entries than an argument can number."""
         for name in ("pulse_widths_s", "carriers_hz"):
             if len(getattr(self, name)) > ARGUMENTS:
                 raise ValueError(f"{name}: a command can choose among {ARGUMENTS}, got {len(getattr(self, name))}")
@@ -219,14 +212,7 @@ def amplitude(level: float, downlink: Downlink) -> float:
 
 
 def programme(frame: DownlinkFrame, downlink: Downlink) -> DownlinkProgramme:
-    """
-    Return the set-points that send a command.
-
-    Raises
-    ------
-    ValueError
-        The errors of `levels`.
-    """
+    """Return the set-points that send a command. Raises ValueError as `levels` does."""
     return DownlinkProgramme(
         tuple(Symbol(downlink.ramp_s, downlink.hold_s, amplitude(level, downlink)) for level in levels(frame, downlink))
     )

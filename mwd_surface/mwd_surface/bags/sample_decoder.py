@@ -259,10 +259,7 @@ def _without_slack(store: Any, data: bytes, type_name: str) -> Any:
     to four bytes per sequence stay unused after the last field. Each sequence has a count of four bytes, so there are
     never more unused bytes than used bytes.
 
-    Raises
-    ------
-    SerdeError
-        The bytes are not a message of the type.
+    Raises SerdeError if the bytes are not a message of the type.
     """
     definition = store.get_msgdef(type_name)
     read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be

@@ -256,11 +256,8 @@ def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
     """
     Raise ValueError if the list of a well was probably read wrongly.
 
-    Raises
-    ------
-    ValueError
-        The first station lies farther from the map origin than `farthest_km`, or the well turns more sharply above its
-        last survey than `largest_dogleg_deg_30m`; the message says where, and which setting allows the value.
+    This is so if the first station lies farther from the map origin than `farthest_km`, or the well turns more sharply
+    above its last survey than `largest_dogleg_deg_30m`; the message says where, and which setting allows the value.
     """
     away = math.hypot(*well.positions[0, :2])
     if away > 1000.0 * rule.farthest_km:

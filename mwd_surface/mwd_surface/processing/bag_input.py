@@ -243,10 +243,7 @@ def wells(bag: Bag, given: InputSettings) -> list[Topics]:
 
     If an IMU is selected, or fewer than two IMUs have the usual name, there is one entry.
 
-    Raises
-    ------
-    BagError
-        See `find_topics`.
+    Raises BagError as `find_topics` does.
     """
     usual = [name for name in bag.topics if name.endswith(IMU) and _has(bag, name, wire.IMU)]
     if given.imu_topic or len(usual) < 2:

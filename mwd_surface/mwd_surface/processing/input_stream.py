@@ -437,11 +437,8 @@ def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.in
     shows the difference, so that bursts do no harm. If a clock is set during the recording, the difference has one
     course before and another after.
 
-    Raises
-    ------
-    ValueError
-        A clock runs at another speed than the recorder's, because the simulation or replay was faster or slower than
-        real time. Differences of log times are then not the times between the samples.
+    Raises ValueError if a clock runs at another speed than the recorder's, because the simulation or replay was faster
+    or slower than real time. Differences of log times are then not the times between the samples.
     """
     layouts = (wire.IMU, wire.MAG, wire.TEMPERATURE)
     courses: dict[str, list[_Course]] = {name: [] for name in names}

@@ -50,10 +50,7 @@ def computed_samples(
 
     channels : log channels to compute, by name. on_survey : called with each survey of the estimator.
 
-    Raises
-    ------
-    BagError, ValueError
-        See `process.process`.
+    Raises BagError, ValueError as `process.process` does.
     """
     topics = find_topics(bag, given)
     namespace = topics.imu.removesuffix("imu/data_raw").strip("/")

@@ -116,11 +116,8 @@ def _check_times(path: Path, time: Array) -> None:
     """
     Refuse times whose even grid would have far more samples than the file.
 
-    Raises
-    ------
-    ValueError
-        A step is longer than any pause, the usual step is too long for telemetry, the duration is longer than
-        `budgets.PRESSURE` allows, or more than a day and most of the duration is gaps.
+    Raises ValueError if a step is longer than any pause, the usual step is too long for telemetry, the duration is
+    longer than `budgets.PRESSURE` allows, or more than a day and most of the duration is gaps.
     """
     steps = np.diff(time)
     longest = float(steps.max())

@@ -342,10 +342,7 @@ class _TableFile:
         Return None if the rows of the table are not values of tags. The tag is the one that the caller names, or the
         pressure of the given gauge, from 1, by the names and units of all tags.
 
-        Raises
-        ------
-        ValueError
-            No tag is a pressure.
+        Raises ValueError if no tag is a pressure.
         """
         import pyarrow.compute as pc
 

@@ -514,10 +514,7 @@ def _with_value(record: SurveyRecord, value: Value) -> SurveyRecord:
 
     Nothing changes if the definitive value is asked for, or the first value of a record without one.
 
-    Raises
-    ------
-    ValueError
-        `value` is `REVISED`, and no revised value of the survey waits for a decision.
+    Raises ValueError if `value` is `REVISED`, and no revised value of the survey waits for a decision.
     """
     number = record.survey.sequence
     if value == Value.REVISED:
