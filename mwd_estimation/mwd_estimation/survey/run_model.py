@@ -33,7 +33,7 @@ from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 # Share of the variance of the lasting gyro error that is the same from station to station.
 _SAME = 0.7
-# Least 1 sigma of the lasting gyro error, rad; steps of the bias are expressed as multiples of this sigma.
+# Smallest 1 sigma of the lasting gyro error, rad; steps of the bias are expressed as multiples of this sigma.
 _LEAST_LASTING = 1e-3
 # Largest differences of a reference from the first reference of the run, in field, T, and in declination, rad. With a
 # larger difference, the reference is that of another place.

@@ -3,10 +3,10 @@
 Downlink: commands from the surface to the tool by changes of flow or rotation.
 
 A command has 18 bits: counter, command, argument and a check. The 18 bits are sent as symbols (D-WIS ADCS: ramp, hold,
-amplitude) of two bits each, with four levels from the drilling value down to `depth` below it. One symbol at the lowest
-level and one at the drilling value precede the data, so that the tool can measure both ends of the scale; the drilling
-value ends the command. A hold lasts two periods of the string's torsional oscillation, so that stick-slip does not
-change the mean of the hold.
+amplitude) of two bits each, with four levels from the drilling value (flow or rotary speed while drilling) down to
+`depth` below it. One symbol at the lowest level and one at the drilling value precede the data, so that the tool can
+measure both ends of the scale; the drilling value ends the command. A hold lasts two periods of the string's torsional
+oscillation, so that stick-slip does not change the mean of the hold.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ECHO_WORD = "DLnk"
 """Word of the uplink that repeats the last received command (`DownlinkFrame.echo`); 0 means that none was received."""
 
 _DATA_SYMBOLS = 9
-# Default of the lowest rotary speed, rad/s, and flow, m^3/s, during drilling at which commands are sent and accepted.
+# Default of `Downlink.least`, the lowest drilling value with commands: rotary speed, rad/s, and flow, m^3/s.
 _LEAST = {ROTATION: 4.0, FLOW: 0.01}
 # Gray code: neighbouring levels differ in one bit, so that the most likely symbol error is one bit error.
 _GRAY = (0b00, 0b01, 0b11, 0b10)

@@ -29,7 +29,7 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
-# Spacing of the points at which two wells are compared, m; between points the library searches for the least factor.
+# Spacing of the points at which two wells are compared, m; between points the library searches for the smallest factor.
 _STEP = 30.0
 # Distance of an extra point from each end of a well, m, because the library finds minima only between points.
 _AT_END = 0.02

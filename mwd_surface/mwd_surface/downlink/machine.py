@@ -24,7 +24,7 @@ from mwd_surface.downlink.tool_echo import ToolEcho
 PERMISSION_S = 120.0  # time after which an unused permission lapses, s
 # Delay of an answer due to receiver and depth, in addition to the time to send two sequences, s.
 _LATE_S = 120.0
-_STEADY = 0.04  # largest change of the drilling value before the first symbol, as a share of the value
+_STEADY = 0.04  # largest change of flow or rotary speed before the first symbol, as a share of the value
 # Lower limits, m^3/s and rad/s, of the value from which the allowed deviation of the quantity that the command does not
 # change (flow or speed) is computed. A share of a value near 0 would not allow for noise.
 _LEAST_FLOW, _LEAST_SPEED = 0.01, 3.0

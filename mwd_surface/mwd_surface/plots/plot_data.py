@@ -28,7 +28,7 @@ _SURVEY, _RECORD = "mwd_msgs/msg/Survey", "mwd_msgs/msg/SurveyRecord"
 # another clock, and the time of recording is used instead.
 _OTHER_CLOCK_NS = 60 * wire.NANOSECONDS
 # An interval is still if the variation within every half second is less than these limits, rad/s and m/s^2, and less
-# than _AS_QUIET times the 10th percentile. Its least length is _STILL_S, s.
+# than _AS_QUIET times the 10th percentile. It is at least _STILL_S long, s.
 _QUIET_RATE, _QUIET_FORCE = 0.03, 0.25
 _AS_QUIET = 1.8
 _STILL_S = 10.0

@@ -64,12 +64,12 @@ _ORIENTED = "imu/data"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _LOOKED_AT = 2000  # number of messages of all topics together after which frames and times are considered known
 _AVERAGED, _AVERAGED_NS = 10, 5e7  # largest number of samples, and longest time, ns, of a mean tested for gravity
-# Least mean specific force that can be gravity, in m/s2, g or mg; even a turning tool has a larger mean. The lowest
+# Smallest mean specific force that can be gravity, in m/s2, g or mg; even a turning tool has a larger mean. The lowest
 # limit in `units` is the same.
 _LEAST_GRAVITY = 0.3
-_IN_TURNS = 4  # least number of frame changes of a topic that shows that two units publish it
-# Least number of messages with equal stamps that shows that a topic has no stamps of its own, and least number of
-# samples in which missing gravity is looked for.
+_IN_TURNS = 4  # smallest number of frame changes of a topic that shows that two units publish it
+# Smallest number of messages with equal stamps that shows that a topic has no stamps of its own, and of samples in
+# which missing gravity is looked for.
 _SAME_AT_LEAST = 10
 
 

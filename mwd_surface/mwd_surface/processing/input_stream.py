@@ -40,7 +40,7 @@ from mwd_surface.processing.stream_times import PACE
 _BIN_NS = 10 * wire.NANOSECONDS
 # Largest difference of two clocks, s, at which their samples can be paired; message delays are shorter.
 _APART_S = 1.0
-# Least number of messages from which the offset of a clock can be judged, in a time bin or between two jumps.
+# Smallest number of messages from which the offset of a clock can be judged, in a time bin or between two jumps.
 _FEW = 5
 # Earliest reading of a clock that has been set, ns since the epoch (in 1989).
 CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS
@@ -464,8 +464,8 @@ class _Course:
     Recorder's clock minus the clock of a topic (the offset), from one jump of the offset to the next.
 
     first_ns, last_ns : first and last log time, ns. last_offset : last offset, ns. was_set : whether the course began
-    because the clock was set, not because messages were delayed. count : number of messages. bins : least offset, ns,
-    by number of the time bin.
+    because the clock was set, not because messages were delayed. count : number of messages. bins : smallest offset,
+    ns, by number of the time bin.
     """
 
     first_ns: int
@@ -520,7 +520,7 @@ def _without_delays(courses: list[_Course]) -> list[_Course]:
     Return the courses without those that have few messages or come from a delay; join nearly equal courses.
 
     If all courses have few messages, none is left out for that. A course comes from a delay if it is short, no set
-    clock began it, and its least offset is above that of the courses before and after.
+    clock began it, and its smallest offset is above that of the courses before and after.
     """
     courses = [course for course in courses if course.count >= _FEW] or courses
     kept: list[_Course] = []

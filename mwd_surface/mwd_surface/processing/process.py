@@ -68,7 +68,7 @@ def process(
         Called with the completed share, 0 to 1.
     compensation : Compensation, optional
         Calibration of the AHRS, applied to its samples first.
-    wanted : OutputSettings, optional recorded : Recorded, optional
+    recorded : Recorded, optional
         Settings in the recording, with which its live survey list was made.
 
     Raises

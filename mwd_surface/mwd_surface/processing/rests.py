@@ -19,10 +19,10 @@ from mwd_sensors.core.arrays import Array, Samples
 from mwd_surface.processing.input_stream import StreamProblem
 
 _DEG = math.pi / 180.0
-# Least ratio of the noise of the quietest to the noisiest axis of a gyro in a wrong unit; a turning string has most of
-# the noise along its axis, so that the ratio is smaller.
+# Smallest ratio of the noise of the quietest to the noisiest axis of a gyro in a wrong unit; a turning string has most
+# of the noise along its axis, so that the ratio is smaller.
 _ALIKE = 0.4
-_FEW = 3  # least number of samples in half a second that can be judged, as for a survey
+_FEW = 3  # smallest number of samples in half a second that can be judged, as for a survey
 
 
 class Rests:

@@ -73,7 +73,7 @@ _ELSEWHERE = re.compile(
 )
 _PUMP = re.compile(r"^(?:pump|pump no|pump number|泵)\b")
 _QUALITY = re.compile(r"^(?:quality|qual|status|state|qualität)\b")
-_BAD_QUALITY = 64  # least quality of a good sample, for OPC quality numbers and for percent
+_BAD_QUALITY = 64  # lowest quality of a good sample, for OPC quality numbers and for percent
 _GOOD_QUALITIES = {192.0, 216.0, 100.0}
 # Column names in a table that has a separate row for each value of each measured quantity (tag).
 _TAG = re.compile(

@@ -355,7 +355,7 @@ def _evaluated(stations: _CourseStations, code: str, reference: ErrorReference) 
 
 @functools.cache
 def _inclination_limits(code: str) -> tuple[float, float]:
-    """Return the least inclination of a code, included, and its upper limit, excluded, rad; inf if it has no limit."""
+    """Return the lowest inclination of a code, included, and its upper limit, excluded, rad; inf if it has no limit."""
     found = next(iter(sorted(tool_code.folder().glob(f"*/{code}.json"))), None)
     if found is None:
         return 0.0, math.inf

@@ -41,7 +41,7 @@ LIKE_GRAVITY = 0.5  # m/s^2, largest difference in length between gravity and a 
 
 @compiled
 def begin(s: BoundedRecord) -> None:
-    """Restart attitude, velocity and position; keep the estimated sensor errors."""
+    """Begin a new epoch: restart attitude, velocity and position, and keep the estimated sensor errors."""
     mechanisation.clear_sums(s.sums)
     accelerometer_errors.begin(s)
     for j in range(ERRORS):

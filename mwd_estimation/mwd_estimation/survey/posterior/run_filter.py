@@ -39,7 +39,7 @@ _FLOOR = 1e-3
 # A point whose share is smaller than this fraction of the largest share of its filter does not update the states. The
 # same limit applies to a second filter relative to its first filter.
 _LEAST = 1e-4
-# Least probability of a filter on the coarse grid with which the filter is evaluated on the fine grid.
+# Lowest probability of a filter on the coarse grid with which the filter is evaluated on the fine grid.
 _HOPELESS = 1e-6
 # Probability that an external field at one station is also present at the next station.
 _GOES_ON = 0.5

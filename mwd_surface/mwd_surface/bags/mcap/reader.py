@@ -57,7 +57,7 @@ _BODIES = (
     Opcode.METADATA,
 )
 _PRIVATE = 0x80  # opcodes from here on are reserved for private records
-# Exact body size of each kind of record with a fixed length, and least body size of the other kinds, bytes.
+# Exact body size of each kind of record with a fixed length, and smallest body size of the other kinds, bytes.
 _FIXED = {int(Opcode.FOOTER): 20, int(Opcode.DATA_END): 4}
 _SHORTEST = {
     int(Opcode.HEADER): 8,

@@ -22,7 +22,7 @@ from mwd_surface.receiver.pulse import segment, trellis
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.words import packet_rows
 
-# Least number of bits of a stretch: short words are decoded together. A survey word is long enough alone, so it is
+# Smallest number of bits of a stretch: short words are decoded together. A survey word is long enough alone, so it is
 # shown as soon as it has arrived.
 _STRETCH_BITS = 12
 # Bits used to decide whether a sequence is present, and which one.
@@ -33,7 +33,7 @@ _BEAM = 16  # number of the most probable codes of a word that are kept
 # like a pulse. Against known words, the best temperature is 1 in undisturbed white noise and in wells, and 2 to 3 in
 # stalls, whatever share of the word they cover.
 _TEMPERATURES = (1.0, 2.5)
-# Least probability of a parity that floating point distinguishes from 0.
+# Lowest probability of a parity that floating point distinguishes from 0.
 _LEAST = tuple(1e-15 ** (1.0 / temperature) for temperature in _TEMPERATURES)
 
 

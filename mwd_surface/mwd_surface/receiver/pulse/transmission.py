@@ -564,7 +564,7 @@ def _from_all(measured: float, variance: float) -> tuple[float, float]:
 # Decision whether pulses are present behind a sync, from the evidence of its last stretches.
 
 
-# Least log likelihood ratio of a sync with the words after it. Noise reaches it with a probability below exp(-18) at
+# Lowest log likelihood ratio of a sync with the words after it. Noise reaches it with a probability below exp(-18) at
 # each of ten thousand places per hour. Starting pumps can look like a sync, but not like the words after it.
 _LEAST_EVIDENCE = 18.0
 # Number of packets that are judged together (about 30 bits), and number of packets without words after which a sync is
