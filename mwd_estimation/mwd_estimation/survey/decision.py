@@ -51,7 +51,8 @@ class _Published(NamedTuple):
     Published survey, and the azimuth propagated to it from the station above.
 
     known : arguments of `Finding.continued`: azimuth and 1 sigma, rad, and variance in common, rad^2; None if the
-    propagated azimuth did not change the survey. above : number of the survey from which it was propagated; 0: none.
+    propagated azimuth did not change the survey.
+    above : number of the survey from which it was propagated; 0: none.
     """
 
     survey: DecidedSurvey

@@ -285,8 +285,8 @@ class LinkState:
     """
     State of the connection of one topic.
 
-    burst_start : simulation time of the present or next interval without messages, s. waiting : message that the next
-    message will overtake; None if there is none.
+    burst_start : simulation time of the present or next interval without messages, s.
+    waiting : message that the next message will overtake; None if there is none.
     """
 
     link: MessageFaults

@@ -32,8 +32,9 @@ class _Rows(NamedTuple):
     """
     Columns of messages, each of shape (n,).
 
-    place : offset of the message's record in the output. log_ns : log time, ns. offset, size : position and length of
-    the payload in the input.
+    place : offset of the message's record in the output.
+    log_ns : log time, ns.
+    offset, size : position and length of the payload in the input.
     """
 
     place: Numbers

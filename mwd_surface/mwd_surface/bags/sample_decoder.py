@@ -72,8 +72,9 @@ class SampleDecoder:
 
         Messages that are not of their declared type are reported and left out.
 
-        names : topic of each channel number of the part. fields : fields to read, by type name; types not named here
-        are read completely. wanted : topics to decode; by default all.
+        names : topic of each channel number of the part.
+        fields : fields to read, by type name; types not named here are read completely.
+        wanted : topics to decode; by default all.
         """
         numbers = np.unique(part.channel)
         for number in numbers.tolist():

@@ -56,7 +56,8 @@ class Wish:
     """
     Request for control.
 
-    duration : length of the lease, s. speed, left_speed : limits, rad/s; 0 means the limit set at the rig.
+    duration : length of the lease, s.
+    speed, left_speed : limits, rad/s; 0 means the limit set at the rig.
     """
 
     name: str = "conformance one"

@@ -156,7 +156,9 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
         """
         Return the topic with a relative name next to the IMU, else the only topic that can belong to the same well.
 
-        The result is None if there is neither. alone : whether the only topic may have any name.
+        The result is None if there is neither.
+
+        alone : whether the only topic may have any name.
         """
         for relative in relatives if namespace is not None else ():
             if _has(bag, f"{namespace}{relative}", layout):
@@ -299,8 +301,9 @@ def unstamped(bag: Bag, names: Sequence[str]) -> frozenset[str]:
     """
     Return topics without times of their own: the stamps of their first messages are all zero, or all equal.
 
-    If the IMU is such a topic, a topic with a single message belongs to them if its stamp is zero. names : topics of
-    samples, the IMU first.
+    If the IMU is such a topic, a topic with a single message belongs to them if its stamp is zero.
+
+    names : topics of samples, the IMU first.
     """
     fields = {layout.type_name: () for layout in (wire.IMU, wire.MAG, wire.TEMPERATURE, wire.RIG_STATE)}
     first = next(bag.blocks(names, block_messages=_LOOKED_AT, fields=fields), {})
@@ -498,8 +501,11 @@ def _imu_of(bag: Bag, accelerometer: str | None) -> str:
     """
     Return the topic of the IMU: a topic of single messages or, if the bag has none, of bursts or of vectors.
 
-    The only IMU in a bag may have any name. accelerometer : topic known to be only the accelerometer half. Raises
-    BagError if there is no IMU, or if several topics may be the IMU.
+    The only IMU in a bag may have any name.
+
+    accelerometer : topic known to be only the accelerometer half.
+
+    Raises BagError if there is no IMU, or if several topics may be the IMU.
     """
     here = [t for t in bag.topics.values() if t.type_name == wire.IMU.type_name and t.name != accelerometer]
     # Ignore topics without messages if another topic has some.

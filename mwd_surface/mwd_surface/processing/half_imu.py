@@ -32,8 +32,8 @@ class ImuKind(StrEnum):
     """
     Vectors that the messages of an IMU topic carry.
 
-    IN_TURNS : some messages carry only the rate, others only the specific force. SOME_EMPTY : some messages carry both
-    vectors, others none.
+    IN_TURNS : some messages carry only the rate, others only the specific force.
+    SOME_EMPTY : some messages carry both vectors, others none.
     """
 
     WHOLE = "whole"

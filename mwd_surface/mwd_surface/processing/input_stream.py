@@ -463,9 +463,11 @@ class _Course:
     """
     Recorder's clock minus the clock of a topic (the offset), from one jump of the offset to the next.
 
-    first_ns, last_ns : first and last log time, ns. last_offset : last offset, ns. was_set : whether the course began
-    because the clock was set, not because messages were delayed. count : number of messages. bins : smallest offset,
-    ns, by number of the time bin.
+    first_ns, last_ns : first and last log time, ns.
+    last_offset : last offset, ns.
+    was_set : whether the course began because the clock was set, not because messages were delayed.
+    count : number of messages.
+    bins : smallest offset, ns, by number of the time bin.
     """
 
     first_ns: int

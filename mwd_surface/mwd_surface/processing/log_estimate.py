@@ -48,7 +48,8 @@ def computed_samples(
     """
     Return the log samples of a recording, as the live estimator computes them.
 
-    channels : log channels to compute, by name. on_survey : called with each survey of the estimator.
+    channels : log channels to compute, by name.
+    on_survey : called with each survey of the estimator.
 
     Raises BagError, ValueError as `process.process` does.
     """

@@ -143,8 +143,8 @@ def estimate(
     """
     Run the estimator over a bag and return the summary.
 
-    sink : called with the output of each block, in order, in a separate thread. recorded : settings in the recording,
-    with which its live survey list was made.
+    sink : called with the output of each block, in order, in a separate thread.
+    recorded : settings in the recording, with which its live survey list was made.
 
     Raises
     ------

@@ -32,8 +32,8 @@ class RecordedRequest:
     """
     One request.
 
-    stamp_ns, log_ns : stamp of the last sample before the request, and log time of the request's message, ns. apply :
-    action on the pipeline.
+    stamp_ns, log_ns : stamp of the last sample before the request, and log time of the request's message, ns.
+    apply : action on the pipeline.
     """
 
     stamp_ns: int

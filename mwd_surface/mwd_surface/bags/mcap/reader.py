@@ -340,8 +340,8 @@ class McapFile:
         Return whether `steps` valid records follow one another from `at` on, or fewer up to the end of the file.
 
         first : whether there is no other evidence that a record begins at `at`. The record must then be complete, and
-        be a message, a chunk with its header, or followed by another record. cut_off : whether the last record may
-        reach beyond the end of a truncated file.
+        be a message, a chunk with its header, or followed by another record.
+        cut_off : whether the last record may reach beyond the end of a truncated file.
         """
         cut_off, behind = cut_off and self._cut_off, 0
         end = self.size if self._cut_off else self.size - len(MAGIC)

@@ -497,7 +497,8 @@ def packed_summary(groups: Sequence[tuple[int, bytes]], start: int) -> bytes:
     """
     Return everything that follows the DataEnd record: summary, summary offsets, footer with CRC, magic bytes.
 
-    groups : (opcode, records of that opcode); groups may be empty. start : position of the summary in the file.
+    groups : (opcode, records of that opcode); groups may be empty.
+    start : position of the summary in the file.
     """
     body, offsets, at = b"", b"", start
     for opcode, records in groups:
