@@ -40,7 +40,7 @@ def generate_launch_description() -> LaunchDescription:
             "source",
             default_value="simulated",
             choices=list(SOURCES),
-            description="What measures: the simulated sonde, a probe on a serial line, or topics of another driver",
+            description="Source of the samples: simulated sonde, probe on a serial line, or topics of another driver",
         ),
         DeclareLaunchArgument("namespace", default_value="", description="Name of the well; empty: none"),
         DeclareLaunchArgument("use_sim_time", default_value="false", description="Take the time from /clock"),
