@@ -57,12 +57,11 @@ def write(
     """
     Fill the messages of a stretch of n samples; return the number of rejected samples.
 
-    An unknown value is NaN, and so is its sigma. The sigma is pi for values that depend on a suspect sensor, and for
-    azimuth and gravity toolface near the vertical.
+    An unknown value is NaN, and so is its sigma. The sigma is pi for values from a suspect sensor, and for azimuth and
+    gravity toolface near the vertical.
 
     Parameters
     ----------
-    stretch : OneFieldStretch
     last : LastMagnetic
         Changed in place.
     samples, plain, azimuth : ndarray, shape (n,)

@@ -133,7 +133,6 @@ def precision_sums(
     p, s : GyroAzimuthParams, GyroAzimuthState
     sums : BinSums
         Sums of the closed bin from the conventional unit.
-    precision : PrecisionRates
     start : int
         Index in `precision` from which the rates of this bin are searched.
 

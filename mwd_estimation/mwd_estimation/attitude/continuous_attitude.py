@@ -58,14 +58,6 @@ class AttitudeStream:
     """
     Attitude of one tool, block by block; the result does not depend on how the samples are cut into blocks.
 
-    Parameters
-    ----------
-    alignment : time_alignment_state.TimeAlignmentParams
-    interference : interference_state.InterferenceParams
-    azimuth : gyro_azimuth_state.GyroAzimuthParams
-    errors : SensorErrors
-    latitude_deg : float or None
-
     Attributes
     ----------
     handed_on : ndarray of dtype `time_alignment_state.PAIR`

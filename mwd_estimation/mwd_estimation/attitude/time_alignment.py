@@ -54,13 +54,10 @@ def run(
 
     Parameters
     ----------
-    p : TimeAlignmentParams
     state : ndarray, shape (1,)
         State from `time_alignment_state.initial`, changed in place; the result does not depend on the cut into blocks.
-    model : FieldModel
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
         Samples; `turn` is filled where gravity is known.
-    mag : MagBlock
 
     Returns
     -------

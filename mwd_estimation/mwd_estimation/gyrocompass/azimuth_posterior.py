@@ -41,7 +41,7 @@ class Mixture(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class OnCircle:
-    """Azimuth of the level frame (plus the added angle) from the posterior on the circle."""
+    """Azimuth of the level frame, plus the added angle of `Mixture`, from the posterior on the circle."""
 
     #: `mean`, `sigma`: mean and 1 sigma, rad.
     mean: float

@@ -42,8 +42,9 @@ _RAMPS, _G_SENSITIVITY = range(Error.BIAS_RAMP, Error.SIZE), range(Error.G_SENSI
 _FOUND = 3.0
 # Errors of a latitude that is stated wrong, rad, and the probability of all of them together (a guess).
 _WRONG_BY, _WRONG = np.radians([off for off in range(-40, 41, 5) if off]), 0.05
-# Other latitudes count if their probability is larger than this multiple of the one before the seek. Otherwise the seek
-# has not spoken against the stated latitude, and the sigma of an accurate gyro is not that of a rare mistake.
+# Other latitudes count if their probability is larger than this multiple of their probability before the seek.
+# Otherwise the seek does not contradict the stated latitude, and the rare case of a wrong latitude must not increase
+# sigma.
 _CONFIRMED = 2.0
 # Assumed ratios of the real to the stated errors of the accelerometers, and their probabilities (a guess): a unit
 # without own calibration has errors of 3 mg. With the ratio 1 alone, 36 of 120 seeks at the right latitude are refused
@@ -114,7 +115,6 @@ def run(
 
     Parameters
     ----------
-    params : SeekParams
     state : SeekState
         State of the seek, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
@@ -224,7 +224,8 @@ def _sigma(circle: OnCircle, misfit: float | None = None) -> float:
 
     misfit: squared distance of the Earth rate from the circle, in sigmas; None: that of `circle`.
     """
-    # A rate that misses the latitude by more than two sigmas shows errors larger than stated: north has them too.
+    # If the rate differs from the latitude's by more than two sigmas, the gyro errors are larger than stated, also in
+    # north.
     larger = max(math.sqrt(circle.misfit if misfit is None else misfit) - 1.0, 1.0)
     return min(larger * circle.sigma, math.pi)
 

@@ -17,7 +17,7 @@ from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
 
-# Selectable methods: all states of `north_seek`, or the fifteen of S1 (`static_ekf`).
+# Selectable methods: seek, the filter `north_seek`; s1, the filter `static_ekf` of paper S1 with 15 states.
 SEEK, S1 = "seek", "s1"
 # White noise if neither the parameters nor the tool give it (a tactical MEMS gyro), and smallest credible white noise,
 # deg/sqrt(h).
@@ -115,7 +115,6 @@ def at_place(
     unit : SeekParams
         Figures of the precision unit. If its white noise is 0, or clearly smaller than the measured noise, the measured
         noise is used; if both are 0 or None, `TACTICAL_NOISE_DEG_RTH`.
-    latitude_deg : float
     gravity : float or None
         Gravity at the latitude, m/s^2; None: normal gravity on the ellipsoid.
     noise_deg_rth : float or None

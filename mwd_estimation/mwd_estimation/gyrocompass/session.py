@@ -47,10 +47,8 @@ class NorthSession:
 
     Parameters
     ----------
-    params : SessionParams
     unit : SeekParams
         Figures of the precision unit; latitude and gravity are set from the arguments below.
-    latitude_deg : float
     gravity : float or None
         Local gravity, m/s^2.
     duration_s : float
@@ -157,7 +155,7 @@ class NorthSession:
         before = float(self._state.elapsed)
         north_seek.run(self._params, self._state, stamps, rates, values[:, 3:], clipped)
         if self._state.elapsed < before:
-            # The seek has begun again: it gets the time that it has lost.
+            # The seek has begun again: extend its duration by the time that was lost.
             self.duration = min(self.duration + before + LEVEL_S + _SETTLING_S, self._longest)
 
     def solution(self) -> Solution:

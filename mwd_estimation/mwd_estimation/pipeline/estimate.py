@@ -85,9 +85,9 @@ class Estimate:
     """
     State from one start of the estimate to the next.
 
-    reference : reference that replaces the reference of the settings, or None. mat_tu : rotation from the axes of the
-    unit to tool axes; the samples are in tool axes already. mag_late_ns : initial delay of the magnetometer's stamps,
-    ns; rotation of the string corrects it later.
+    reference : reference that replaces the reference of the settings, or None.
+    mat_tu : rotation from the axes of the unit to tool axes; the samples are in tool axes already.
+    mag_late_ns : initial delay of the magnetometer's stamps, ns; rotation of the string corrects it later.
     """
 
     def __init__(

@@ -47,7 +47,6 @@ class Pipeline:
 
     Parameters
     ----------
-    settings : EstimatorSettings
     reference : Reference, optional
         Reference that replaces the reference of the settings, such as a field measured before the run.
     mount : Mount, optional

@@ -103,7 +103,9 @@ class PrecisionUnitStage:
 
         If the unit is faulty, the rates and accelerations of its samples become NaN; otherwise the samples are used for
         the north seek at the station.
-        imu : bin of the conventional unit. still_bins : number of bins for which the tool has been still.
+
+        imu : bin of the conventional unit.
+        still_bins : number of bins for which the tool has been still.
         """
         end_ns = (imu.index + 1) * BIN_NS
         # Pass samples by bins, not by blocks, so that the seek gets the same samples however the stream is cut.

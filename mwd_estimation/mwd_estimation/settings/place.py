@@ -164,10 +164,7 @@ def _check_with_place(place: Place, first_ns: int) -> None:
     without a longitude only the sign of the dip. A wrong declination makes surveys wrong by the same angle, and no
     measurement in the hole shows the error.
 
-    Raises
-    ------
-    SettingsError
-        If dip or declination are impossible; the message names the value at the position.
+    Raises SettingsError if dip or declination are impossible; the message names the value at the position.
     """
     lat, dip = place.lat_deg, place.dip_deg
     if lat is None or dip is None:

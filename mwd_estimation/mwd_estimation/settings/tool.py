@@ -22,14 +22,14 @@ class Gyro:
     range_deg_s: Vector = setting(
         (2000.0, 2000.0, 2000.0),
         "Largest rate that each axis can measure; the smallest of the three values is used. If set too large, clipped "
-        "rates are taken for true ones; if too small, fast turning counts as clipped. From the data sheet.",
+        "rates are taken for true ones; if too small, fast turning counts as clipped. See the data sheet.",
         unit="deg/s",
         low=0.1,
         high=2e6,
     )
     noise_deg_sqrt_h: float = setting(
         0.42,
-        "White noise (angle random walk). Raising it widens the sigma of a gyro-propagated azimuth. From the data "
+        "White noise (angle random walk). Raising it widens the sigma of a gyro-propagated azimuth. See the data "
         "sheet, or from `mwd plot --what allan`.",
         unit="deg/sqrt(h)",
         low=0.0,
@@ -39,7 +39,7 @@ class Gyro:
     bias_deg_h: float = setting(
         400.0,
         "Bias that remains after calibration, 1 sigma. Raising it slows the convergence of the gyro-propagated "
-        "azimuth. From the data sheet (turn-on bias).",
+        "azimuth. See the data sheet (turn-on bias).",
         unit="deg/h",
         low=0.0,
         high=1e5,
@@ -72,7 +72,7 @@ class Accelerometer:
     range_g: Vector = setting(
         (16.0, 16.0, 16.0),
         "Largest force that each axis can measure; the smallest of the three values is used. If set too large, clipped "
-        "shocks bias the estimate; if too small, ordinary vibration counts as clipped. From the data sheet.",
+        "shocks bias the estimate; if too small, ordinary vibration counts as clipped. See the data sheet.",
         unit="g",
         low=0.1,
         high=2e5,
@@ -137,7 +137,7 @@ class Magnetometer:
     )
     range_ut: float = setting(
         800.0,
-        "Largest field that an axis can measure; 0: not known. If set too large, saturation is not detected. From the "
+        "Largest field that an axis can measure; 0: not known. If set too large, saturation is not detected. See the "
         "data sheet.",
         unit="uT",
         low=0.0,
@@ -190,7 +190,7 @@ class PrecisionGyro:
     range_deg_s: Vector = setting(
         (100.0, 100.0, 100.0),
         "Largest rate that each axis can measure; the smallest of the three values is used. If set too large, clipped "
-        "rates bias the gyro azimuth. From the data sheet.",
+        "rates bias the gyro azimuth. See the data sheet.",
         unit="deg/s",
         low=0.1,
         high=2e6,
@@ -271,13 +271,13 @@ class Tool:
         "(mean rates and forces), points (values at an instant). A wrong choice costs accuracy under vibration: 5 Hz "
         "coning of 2 deg causes a drift of 65 deg/h. With gravity.method bounded, samples that are stated as "
         "integrated but are points are detected when the rotary speed changes; they are then used as points, and "
-        "reported. From the data sheet.",
+        "reported. See the data sheet.",
         choices=("integrated", "means", "points"),
     )
     calibrated_c: tuple[float, float] = setting(
         (-40.0, 175.0),
         "Lowest and highest temperature of the calibration. Surveys outside this range have wider sigmas and a "
-        "warning. From the calibration report.",
+        "warning. See the calibration report.",
         unit="degC",
         low=-273.0,
         high=1000.0,
@@ -316,8 +316,7 @@ class Tool:
     sag_correction_deg: float = setting(
         0.0,
         "Sag correction of the assembly in a horizontal hole; this value times the sine of the inclination is added to "
-        "the inclination. A value other than 0 lowers the sigma of the sag (SAGE) from 0.2 to 0.08 deg. From a sag "
-        "model of the assembly.",
+        "the inclination. A value other than 0 lowers the sigma of the sag (SAGE) from 0.2 to 0.08 deg. See `mwd sag`.",
         unit="deg",
         low=-5.0,
         high=5.0,

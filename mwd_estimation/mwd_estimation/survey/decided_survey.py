@@ -85,7 +85,6 @@ def record_of(station: Station, weights: Mapping[str, float], **about: Any) -> S
 
     Parameters
     ----------
-    station : Station
     weights : mapping of str to float
         Share of each method of the station in its azimuth.
     **about

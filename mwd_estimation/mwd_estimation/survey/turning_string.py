@@ -28,7 +28,7 @@ from mwd_estimation.core.time_jumps import advances
 from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_sensors.core.arrays import Array, Stamps
 
-# Smallest and largest number of bins of a window, and the angle by which the string turns in it, rad.
+# Smallest and largest number of bins of a window, and the angle by which the string turns in a window, rad.
 _BINS, _MOST_BINS, _TURNED = 10, 120, 8.0 * math.pi
 # Smallest rotation in a bin with which a window begins, rad; and longest time between samples within a window, s.
 _BEGINS, _APART_S = 0.5, 0.1

@@ -361,7 +361,7 @@ class UnitClock:
         self.offset_ns = 0
         self.jumps = -1
         self._seen: collections.deque[int] = collections.deque(maxlen=_KEPT)
-        # Host time and offset of recent observations that differ from the offset in force but agree with each other.
+        # Host time and offset of recent observations that differ from the present offset but agree with each other.
         self._off: list[tuple[int, int]] = []
         self._last_ns = self._unit_ns = 0
 
@@ -397,9 +397,9 @@ class UnitClock:
 
     def _doubt(self, host_ns: int, offset: int) -> None:
         """
-        Record an observation that differs from the offset in force.
+        Record an observation of the clock offset that differs from the present offset.
 
-        The offset jumps if `_AGREEING` such observations agree over `_LASTING_NS`.
+        If `_AGREEING` observations agree with each other over `_LASTING_NS`, they give the new offset.
         """
         self._agree(host_ns, offset)
         if len(self._off) >= _AGREEING and abs(host_ns - self._off[0][0]) >= _LASTING_NS:

@@ -131,7 +131,8 @@ class ProbeNode(GraphNode[LineSettings]):
         """
         Return the state of a polled line: for each kind of error, the number of errors in the last second.
 
-        new : number of samples in the last second. values : further values of the entry.
+        new : number of samples in the last second.
+        values : further values of the entry.
         """
         before, self._trouble_before = self._trouble_before, dict(master.trouble)
         fresh = {words: count - before.get(words, 0) for words, count in master.trouble.items()}

@@ -44,8 +44,8 @@ T = TypeVar("T")
 
 _FRAME_PREFIX = re.compile(r"[A-Za-z0-9_/.-]{0,200}")
 _NAMESPACE = "auto"  # value of `frame_prefix`: the namespace and a slash
-_DIAGNOSTICS_PERIOD = 1.0  # s; time between two messages of diagnostics and heartbeat
-# Least time from the last message to the end of a process that ends by itself, s: it lets messages reach best-effort
+_DIAGNOSTICS_PERIOD = 1.0  # time between two messages of diagnostics and heartbeat, s
+# Shortest time from the last message to the end of a process that ends by itself, s: it lets messages reach best-effort
 # readers, which do not acknowledge.
 _DELIVERY_TIME = 0.5
 # Longest wait for the acknowledgements of reliable subscriptions, s. By then Fast DDS has removed dead participants,

@@ -54,10 +54,8 @@ class Ground:
         """
         Check the layers.
 
-        Raises
-        ------
-        ValueError
-            The numbers of layers and resistivities differ, layers are out of order, or the bit is below the last layer.
+        Raises ValueError if the numbers of layers and resistivities differ, layers are out of order, or the bit is
+        below the last layer.
         """
         if len(self.bottom_m) != len(self.resistivity):
             raise ValueError(f"resistivity: {len(self.bottom_m)} layers need as many, got {len(self.resistivity)}")

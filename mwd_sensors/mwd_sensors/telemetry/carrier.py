@@ -73,14 +73,7 @@ class Carrier:
     )
 
     def __post_init__(self) -> None:
-        """
-        Check the block and the band.
-
-        Raises
-        ------
-        ValueError
-            The block is not a whole number of bytes, or the band reaches down to zero frequency.
-        """
+        """Raise ValueError if the block is not a whole number of bytes, or the band reaches down to zero frequency."""
         if self.block_bits % 8:
             raise ValueError(f"block_bits: must be a multiple of 8, got {self.block_bits}")
         if self.frequency_hz < self.symbol_rate_hz:

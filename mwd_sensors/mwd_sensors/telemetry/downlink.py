@@ -3,10 +3,10 @@
 Downlink: commands from the surface to the tool by changes of flow or rotation.
 
 A command has 18 bits: counter, command, argument and a check. The 18 bits are sent as symbols (D-WIS ADCS: ramp, hold,
-amplitude) of two bits each, with four levels from the drilling value down to `depth` below it. One symbol at the lowest
-level and one at the drilling value precede the data, so that the tool can measure both ends of the scale; the drilling
-value ends the command. A hold lasts two periods of the string's torsional oscillation, so that stick-slip does not
-change the mean of the hold.
+amplitude) of two bits each, with four levels from the drilling value (flow or rotary speed while drilling) down to
+`depth` below it. One symbol at the lowest level and one at the drilling value precede the data, so that the tool can
+measure both ends of the scale; the drilling value ends the command. A hold lasts two periods of the string's torsional
+oscillation, so that stick-slip does not change the mean of the hold.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ECHO_WORD = "DLnk"
 """Word of the uplink that repeats the last received command (`DownlinkFrame.echo`); 0 means that none was received."""
 
 _DATA_SYMBOLS = 9
-# Default of the lowest drilling value at which commands are sent and accepted, rad/s and m^3/s.
+# Default of `Downlink.least`, the lowest drilling value with commands: rotary speed, rad/s, and flow, m^3/s.
 _LEAST = {ROTATION: 4.0, FLOW: 0.01}
 # Gray code: neighbouring levels differ in one bit, so that the most likely symbol error is one bit error.
 _GRAY = (0b00, 0b01, 0b11, 0b10)
@@ -79,21 +79,14 @@ class Downlink:
     carriers_hz: tuple[float, ...] = setting((), "Carriers that a command can select.", unit="Hz", low=0.1, high=200.0)
 
     def __post_init__(self) -> None:
-        """
-        Check the tables.
-
-        Raises
-        ------
-        ValueError
-            A table has more entries than an argument can number.
-        """
+        """Raise ValueError if a table has more entries than an argument can number."""
         for name in ("pulse_widths_s", "carriers_hz"):
             if len(getattr(self, name)) > ARGUMENTS:
                 raise ValueError(f"{name}: a command can choose among {ARGUMENTS}, got {len(getattr(self, name))}")
 
     @property
     def least_value(self) -> float:
-        """Lowest drilling value at which commands are sent and accepted, rad/s or m^3/s."""
+        """Lowest rotary speed, rad/s, or flow, m^3/s, during drilling at which commands are sent and accepted."""
         return self.least or _LEAST[self.medium]
 
     @property
@@ -219,14 +212,7 @@ def amplitude(level: float, downlink: Downlink) -> float:
 
 
 def programme(frame: DownlinkFrame, downlink: Downlink) -> DownlinkProgramme:
-    """
-    Return the set-points that send a command.
-
-    Raises
-    ------
-    ValueError
-        The errors of `levels`.
-    """
+    """Return the set-points that send a command. Raises ValueError as `levels` does."""
     return DownlinkProgramme(
         tuple(Symbol(downlink.ramp_s, downlink.hold_s, amplitude(level, downlink)) for level in levels(frame, downlink))
     )

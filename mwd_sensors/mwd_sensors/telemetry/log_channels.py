@@ -93,10 +93,8 @@ class LogChannel:
         """
         Check the sectors.
 
-        Raises
-        ------
-        ValueError
-            There are 1 to 3 sectors, another source than gamma has sectors, or the number of sector words differs.
+        Raises ValueError if there are 1 to 3 sectors, another source than gamma has sectors, or the number of sector
+        words differs.
         """
         if self.sectors and (self.sectors < 4 or self.source != GAMMA):
             raise ValueError(f"sectors: must be 0, or 4 to {MOST_SECTORS} of a gamma detector, got {self.sectors}")

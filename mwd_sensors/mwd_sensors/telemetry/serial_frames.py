@@ -52,14 +52,7 @@ class SerialFrame(NamedTuple):
 
 
 def check(items: Sequence[SequenceItem]) -> None:
-    """
-    Raise ValueError for a sequence that is too long for a frame.
-
-    Raises
-    ------
-    ValueError
-        The words are longer than one COBS block, so that a frame would not have a fixed length.
-    """
+    """Raise ValueError if the words are longer than one COBS block: a frame would then not have a fixed length."""
     if _HEADER_BYTES + payload_bytes(items) + CRC_BYTES >= _LONGEST:
         raise ValueError(f"{payload_bytes(items)} bytes are too many for a serial frame; at most {_LONGEST - 6} fit")
 

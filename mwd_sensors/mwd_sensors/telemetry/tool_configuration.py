@@ -60,11 +60,8 @@ class Sync:
         """
         Check the pulses.
 
-        Raises
-        ------
-        ValueError
-            There are fewer than three edges (noise would look like a sync), edges are out of order or overlap, or the
-            length is too short.
+        Raises ValueError if there are fewer than three edges (noise would look like a sync), edges are out of order or
+        overlap, or the length is too short.
         """
         if len(self.edges_tu) < 3:
             raise ValueError(f"edges_tu: a sync needs three pulses or more, got {len(self.edges_tu)}")
@@ -129,11 +126,9 @@ class ToolConfiguration:
         """
         Check the sequences.
 
-        Raises
-        ------
-        ValueError
-            The code cannot send a sequence, or a sequence cannot be read; the survey is missing; the header has one
-            bit, or too few bits to number the sequences; or the unit of a word is not a unit of its quantity.
+        Raises ValueError if the code cannot send a sequence, or a sequence cannot be read; the survey is missing; the
+        header has one bit, or too few bits to number the sequences; or the unit of a word is not a unit of its
+        quantity.
         """
         for name, word in self.words.items():
             try:
@@ -301,7 +296,6 @@ def encode(
 
     Parameters
     ----------
-    tool : ToolConfiguration
     items : tuple of SequenceItem
     codes : tuple of int
         Value of each word without parity; None for a missing measurement.

@@ -635,7 +635,7 @@ def check_database(path: Path) -> None:
         with contextlib.closing(sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)) as database:
             rows = database.execute("SELECT type, name, sql FROM sqlite_master").fetchmany(1000)
     except sqlite3.Error as error:
-        raise FormatError(f"it is not a database that can be read: {error}") from error
+        raise FormatError(f"it is not a readable SQLite database: {error}") from error
     for kind, name, sql in rows:
         if kind == "index" or (kind == "table" and not _COMPUTED & set(str(sql or "").upper().split())):
             continue

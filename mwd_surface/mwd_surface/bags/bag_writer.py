@@ -166,8 +166,9 @@ class BagWriter:
         Declare a topic of another bag, with the schema from that bag, and return its channel number.
 
         encoding, definition : encoding and text of the schema in the other bag. If that bag has no schema, both are
-        empty, and the schema of this installation is used. type_hash, qos : as stated in the other bag. serialization :
-        encoding of the messages.
+        empty, and the schema of this installation is used.
+        type_hash, qos : as stated in the other bag.
+        serialization : encoding of the messages.
 
         Raises
         ------

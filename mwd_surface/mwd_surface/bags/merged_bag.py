@@ -32,8 +32,9 @@ class _Rows(NamedTuple):
     """
     Columns of messages, each of shape (n,).
 
-    place : offset of the message's record in the output. log_ns : log time, ns. offset, size : position and length of
-    the payload in the input.
+    place : offset of the message's record in the output.
+    log_ns : log time, ns.
+    offset, size : position and length of the payload in the input.
     """
 
     place: Numbers
@@ -126,7 +127,7 @@ class MergedBag:
 
     @property
     def definitions(self) -> Definitions:
-        """Definitions of the message types that new topics can have."""
+        """Definitions of the message types that `topic` accepts."""
         return self._writer.definitions
 
     def topic(self, name: str, type_name: str) -> tuple[int, str]:

@@ -29,7 +29,7 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
-# Spacing of the points at which two wells are compared, m; between points the library searches for the least factor.
+# Spacing of the points at which two wells are compared, m; between points the library searches for the smallest factor.
 _STEP = 30.0
 # Distance of an extra point from each end of a well, m, because the library finds minima only between points.
 _AT_END = 0.02
@@ -210,7 +210,6 @@ def clearance(
         Well being drilled; the result is given along this well.
     offset : UncertainWell
         Other well, in the same axes and from the same origin.
-    rule : ClearanceRule
     shared_to : float, optional
         Measured depth down to which both wells are the same hole, m, for a sidetrack and its parent. They are compared
         below this depth, and the position at this depth is assumed to be exact.
@@ -257,11 +256,8 @@ def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
     """
     Raise ValueError if the list of a well was probably read wrongly.
 
-    Raises
-    ------
-    ValueError
-        The first station lies farther from the map origin than `farthest_km`, or the well turns more sharply above its
-        last survey than `largest_dogleg_deg_30m`; the message says where, and which setting allows the value.
+    This is so if the first station lies farther from the map origin than `farthest_km`, or the well turns more sharply
+    above its last survey than `largest_dogleg_deg_30m`; the message says where, and which setting allows the value.
     """
     away = math.hypot(*well.positions[0, :2])
     if away > 1000.0 * rule.farthest_km:

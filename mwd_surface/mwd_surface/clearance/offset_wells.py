@@ -269,10 +269,8 @@ def _wellhead(
     """
     Return north and east from the wellhead of the well being drilled to that of an offset well, m, and remarks.
 
-    Raises
-    ------
-    OffsetWellError
-        The wellheads are more than 20 km apart, or their map coordinates contradict north_m and east_m of the file.
+    Raises OffsetWellError if the wellheads are more than 20 km apart, or their map coordinates contradict north_m and
+    east_m of the file.
     """
     named = f"offset well {offset.name}"
     own = wellhead_of(plan.remarks)

@@ -76,8 +76,6 @@ def well_clearance(
 
     Parameters
     ----------
-    surveys : SurveyList
-    offsets : OffsetWells
     plan : Plan, optional
         Plan along which the path is continued below the bit, for `ahead_m` of the file of offset wells.
     bit_depth : float, optional

@@ -158,8 +158,11 @@ def _place(
     """
     Return gravity, m/s^2, the field (total, T, and dip, rad), and their source as text.
 
-    Gravity or field is None if no option gives it; if both are None, the source is "". day_ns : time of the data, ns
-    since the epoch, for the field model. Raises ValueError if options contradict each other or the date is not valid.
+    Gravity or field is None if no option gives it; if both are None, the source is "".
+
+    day_ns : time of the data, ns since the epoch, for the field model.
+
+    Raises ValueError if options contradict each other or the date is not valid.
     """
     import datetime
     import math

@@ -263,8 +263,11 @@ def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> 
     """
     Compare a path with the path of another list, print the differences, and return the files to write, by name.
 
-    The azimuths of the other list are first referred to the north of the path. names : names of the two lists. Raises
-    ValueError if declination or convergence for this is unknown.
+    The azimuths of the other list are first referred to the north of the path.
+
+    names : names of the two lists.
+
+    Raises ValueError if declination or convergence for this is unknown.
     """
     import dataclasses
 

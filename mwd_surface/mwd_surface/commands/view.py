@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from mwd_surface.runs.player import Player, Playing
     from mwd_surface.trajectory.plan import Plan
 
-_PERIOD_S = 0.1  # s between two states of the page
-_LOOK_S = 0.5  # s of work in a seek after which an intermediate state is shown
+_PERIOD_S = 0.1  # time between two states of the page, s
+_LOOK_S = 0.5  # duration of a seek after which an intermediate state is shown, s
 
 
 @reads_recording

@@ -56,7 +56,8 @@ class Wish:
     """
     Request for control.
 
-    duration : length of the lease, s. speed, left_speed : limits, rad/s; 0 means the limit set at the rig.
+    duration : length of the lease, s.
+    speed, left_speed : limits, rad/s; 0 means the limit set at the rig.
     """
 
     name: str = "conformance one"
@@ -131,7 +132,6 @@ class Bench:
 
     Parameters
     ----------
-    interface : Interface
     person : Person or None
         Person at the rig; None: nobody can grant or take back control, so cases that need a person are skipped.
     heartbeat_s : float

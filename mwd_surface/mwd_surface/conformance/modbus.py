@@ -24,8 +24,6 @@ class ModbusConformance:
 
     Parameters
     ----------
-    host : str
-    port : int
     unit : int
         Modbus address (unit identifier) of the server.
 

@@ -30,8 +30,6 @@ class OpcuaConformance:
 
     Parameters
     ----------
-    url : str
-    keys : OpcuaKeys
     well : str
         Name of the object with the methods.
 

@@ -86,7 +86,6 @@ class ControlAuthority:
 
     Parameters
     ----------
-    settings : ControlSettings
     first : int
         Number of the first lease; `upcoming` is the number of the next lease. A rig obeys no lease with a lower number
         than the highest that it has received, so numbers must continue after a restart (`lease_numbers`).

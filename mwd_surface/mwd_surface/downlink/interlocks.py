@@ -68,8 +68,8 @@ class StallWatch:
     """
     Detector of a stall of the mud motor: a rise of the pressure above its usual value at the same flow.
 
-    share : smallest rise that counts as a stall, as a share of the usual value. stalled : whether the last reading
-    shows a stall.
+    share : smallest rise that counts as a stall, as a share of the usual value.
+    stalled : whether the last reading shows a stall.
     """
 
     def __init__(self, share: float) -> None:

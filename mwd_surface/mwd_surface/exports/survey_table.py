@@ -149,7 +149,6 @@ def survey_table(
 
     Parameters
     ----------
-    surveys : SurveyList
     made_ns : int
         Time of the report, ns since the epoch.
     leg : str, optional

@@ -160,10 +160,8 @@ def _check_units(name: str, columns: tuple[Array, Array, Array], positions: Arra
     """
     Refuse mixed length units in a nearly vertical hole, whose horizontal misfit is smaller than `allowed`.
 
-    Raises
-    ------
-    ListFileError
-        North and east fit far better if the depths are converted from feet to metres, or from metres to feet.
+    Raises ListFileError if north and east fit far better if the depths are converted from feet to metres, or from
+    metres to feet.
     """
     apart = _sideways(difference)
     if not apart > _NOTICED:

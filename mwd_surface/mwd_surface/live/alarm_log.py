@@ -20,7 +20,6 @@ class AlarmLog:
 
     Parameters
     ----------
-    clock : WellClock
     tell : callable, optional
         `tell(text, severity)`, called with each event and with each alarm of `raise_alarm`. Alarms of `set_alarms`
         are not passed on.

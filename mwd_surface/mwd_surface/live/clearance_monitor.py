@@ -30,7 +30,6 @@ class ClearanceMonitor:
 
     Parameters
     ----------
-    context : WellContext
     plan : PlanMonitor
         The planned path.
     """

@@ -28,7 +28,6 @@ class DiagnosticsMonitor:
 
     Parameters
     ----------
-    context : WellContext
     full_name : str
         Full name of the surface node, with the namespace of the well.
 

@@ -203,7 +203,7 @@ class DepthSources:
         if name == BLOCK:
             of_source = states.get(source, InputState(BLOCK, StampClock.RIG))
             begun = "a depth by hand" if hand is not None else f"the last depth of {source}"
-            words = f"{begun}, carried on by the block"
+            words = f"{begun}, continued by the movement of the block"
             row = dataclasses.replace(of_source, name=BLOCK, role=Role.IN_FORCE, priority=1, bit_depth=or_nan(depth))
             rows.append(dataclasses.replace(row, reason=words))
         apart = [abs(other - depth) for key, other in live.items() if key != name] if depth is not None else []

@@ -101,7 +101,6 @@ class LiveWell:
     ----------
     context : WellContext
         Shared objects of the well; the clock is at the time of the start.
-    settings : WellSettings
     decode : callable
         `decode(topic, data)` returns a serialised message as an object with the fields of its type.
     book : SurveyBook
@@ -443,7 +442,6 @@ class SlideRecorder:
 
     Parameters
     ----------
-    context : WellContext
     rules : SlideRules
         Rules by which an interval counts as sliding.
     earlier : iterable of DrilledStretch

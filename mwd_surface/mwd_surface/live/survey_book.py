@@ -54,7 +54,6 @@ class SurveyBook:
 
     Parameters
     ----------
-    context : WellContext
     plan : PlanMonitor
         The planned path.
     surveys : SurveyList

@@ -48,7 +48,7 @@ class WellOutlet:
         """Accept a survey that is now in use."""
 
     def on_surveys(self, surveys: SurveyList, path: Definitive) -> None:
-        """Accept the changed survey list and its path."""
+        """Accept the changed survey list, and the well path computed from it."""
 
     def on_alarms(self, book: AlarmBook, missing: tuple[str, ...], stamp_ns: int) -> None:
         """Accept changed alarms and events; missing: kinds of alarms that are not evaluated, in words."""

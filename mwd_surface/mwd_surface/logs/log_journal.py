@@ -36,7 +36,6 @@ class LogJournal:
 
     Parameters
     ----------
-    path : Path
     most_bytes : int
         Size of the file, bytes, above which its older half is dropped.
 

@@ -22,11 +22,11 @@ from mwd_sensors.core.wire import NANOSECONDS
 _COARSE_S = 0.5  # s, grid of the first search
 _SMOOTH_S = 2.0  # s, length of the mean over both rotations before the refinement
 _SPAN_S = 40.0  # length of the window around a change of the rotation in which the offset is refined, s
-_LEAST_S = 4.0  # least time with data before and after a change, s
-_FINE_S, _REACH_S = 0.02, 2.0  # s, step and largest correction of the refinement
-# Least correlation of a match, and least difference from the correlation of any other match.
+_LEAST_S = 4.0  # shortest time with data before and after a change, s
+_FINE_S, _REACH_S = 0.02, 2.0  # step and largest correction of the refinement, s
+# Lowest correlation of a match, and smallest difference from the correlation of any other match.
 _LEAST_CORRELATION, _LEAST_LEAD = 0.85, 0.02
-_APART_S = 20.0  # s; an offset farther from the best offset than this counts as another match
+_APART_S = 20.0  # distance from the best offset from which an offset counts as another match, s
 # Largest drift, s/s. Crystal clocks drift far less, so a larger drift means a wrong match.
 _MOST_DRIFT = 2e-4
 

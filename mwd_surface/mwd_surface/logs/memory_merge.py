@@ -119,7 +119,6 @@ def with_surveys(
         List of the run.
     surveys : sequence of Survey
         Surveys of the memory, with stamps of the memory's clock.
-    clock : MemoryClock
     depth_of : callable
         Function that returns the depth of the sensor at a stamp of the run, ns.
 

@@ -28,8 +28,8 @@ from mwd_surface.ros.seal import SealChecker, SealError
 from mwd_surface.ros.topics import TOPICS
 
 _RESTART = "then restart the surface"
-_PERIOD = 0.1  # s between two commands to the rig
-_STATE_PERIOD = 0.5  # s between two messages of an unchanged state
+_PERIOD = 0.1  # time between two commands to the rig, s
+_STATE_PERIOD = 0.5  # time between two messages of an unchanged state, s
 _INTERFACE = "ROS"
 # Fields of the status that change at every update: a change of these fields alone does not publish a new state.
 _ALWAYS_CHANGING = ("heartbeat_age", "remaining", "achieved")
@@ -43,7 +43,6 @@ class ControlServer:
     ----------
     context : SurfaceContext
         Node, live state and alarm log of the surface.
-    settings : ControlSettings
 
     Attributes
     ----------

@@ -47,9 +47,9 @@ from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.sources import SerialBytes
 from mwd_surface.ros import link_messages
 
-_PERIOD_S = 0.05  # s between two calls that process the arrived messages
+_PERIOD_S = 0.05  # time between two calls that process the arrived messages, s
 _SILENT_S = 5.0  # time without a burst after which an input is silent, s
-_QUALITY_S, _ATTITUDE_S = 1.0, 0.5  # s between two messages on the quality, and on the attitude
+_QUALITY_S, _ATTITUDE_S = 1.0, 0.5  # time between two messages on the quality, and on the attitude, s
 _WAVE_SPEED = 1250.0  # speed of pressure waves in mud (Korteweg), m/s, for the age of a word
 _DEEPEST_M = 20_000.0  # depth that no hole exceeds, m
 _TURNING = 0.5  # speed of the top drive below which the string counts as sliding, rad/s

@@ -33,11 +33,11 @@ from mwd_surface.bags.pace import Pace
 from mwd_surface.bags.topic_info import REMEDY
 from mwd_surface.ros.topics import message_class
 
-_TIMER_PERIOD = 0.002  # s between two timer callbacks
+_TIMER_PERIOD = 0.002  # time between two timer callbacks, s
 # Largest number of messages per timer callback, so that services respond and subscribers keep up after a delay.
 _MAX_PER_CALLBACK = 100
 _MAX_PER_STEP_CALLBACK = 50  # messages; smaller, because a step publishes without pauses and subscribers must keep up
-_SAY_EVERY_S = 10.0  # s between two log lines on the progress of the replay
+_SAY_EVERY_S = 10.0  # time between two log lines on the progress, s
 _MOST_LATCHED = 1000  # largest depth of a latched topic; used for a recorded depth of 0, which means no limit
 _FOREVER_S = 9e9  # a longer recorded duration, s, stands for "no limit"
 _NOT_STARTED = "the replay has not begun"

@@ -26,8 +26,8 @@ from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.topics import TOPICS
 from mwd_surface.surveys.survey_list import SurveyList
 
-_VALUES_PERIOD = 0.1  # s between two sets of values sent to the rig interfaces
-_STATUS_PERIOD = 1.0  # s between two writes of the status file of the rig interfaces
+_VALUES_PERIOD = 0.1  # time between two sets of values sent to the rig interfaces, s
+_STATUS_PERIOD = 1.0  # time between two writes of the status file of the rig interfaces, s
 
 
 class RigBridge:

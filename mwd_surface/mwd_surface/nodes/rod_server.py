@@ -25,8 +25,6 @@ class RodServer:
 
     Parameters
     ----------
-    context : SurfaceContext
-    settings : RodSettings
     surveys : SurveyListServer
         Survey list, where the bit depth of the tally is set like a depth by hand, so that recordings have this depth.
 

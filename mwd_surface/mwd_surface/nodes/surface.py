@@ -70,8 +70,8 @@ from mwd_surface.ros.worker import Answer, BackgroundWorker, RequestQueue
 from mwd_surface.surveys.survey_store import StoreError
 from mwd_surface.trajectory.slide_file import NAME, SLIDES, read_stretches, stretch_table
 
-_LIVE_PERIOD = 0.05  # s between two updates of page and toolface
-_SLOW_PERIOD = 1.0  # s between two updates of all other parts
+_LIVE_PERIOD = 0.05  # time between two updates of page and toolface, s
+_SLOW_PERIOD = 1.0  # time between two updates of all other parts, s
 
 
 class SurfaceNode(GraphNode[SurfaceSettings]):

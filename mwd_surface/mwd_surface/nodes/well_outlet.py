@@ -41,7 +41,6 @@ class NodeOutlet(WellOutlet):
 
     Parameters
     ----------
-    node : GraphNode
     worker : BackgroundWorker
         Worker thread for slow work.
     slide_file : Path

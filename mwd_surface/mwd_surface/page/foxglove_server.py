@@ -54,7 +54,6 @@ class FoxgloveServer:
 
     Parameters
     ----------
-    settings : FoxgloveSettings
     name : str
         Name of the source shown by a client.
     definitions : Definitions, optional

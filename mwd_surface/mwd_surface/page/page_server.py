@@ -95,7 +95,6 @@ class PageServer:
 
     Parameters
     ----------
-    settings : PageSettings
     on_command : callable, optional
         `on_command(name, arguments) -> (ok, message)`, called one at a time in a thread of the server. Commands that
         deny or abort use a second thread. Arguments are checked against `COMMANDS`. None, or an empty token: read-only.

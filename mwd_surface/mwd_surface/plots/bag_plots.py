@@ -284,7 +284,7 @@ def _draw_allan(ax: Axes, item: AllanOf) -> None:
     for k, axis in enumerate("xyz"):
         got = figures(item.curve, k)
         white = f"{got.white * DEGREES * 60.0:.3g} deg/√h" if gyro else f"{got.white * _UG:.3g} µg/√Hz"
-        label = f"{axis}: {white}; least {got.floor * scale:.3g} {unit} at {got.floor_tau:.3g} s"
+        label = f"{axis}: {white}; lowest {got.floor * scale:.3g} {unit} at {got.floor_tau:.3g} s"
         deviation = item.curve.deviation[:, k] * scale
         ax.loglog(item.curve.tau, np.maximum(deviation, 1e-12), color=SERIES[k], linewidth=1.0, label=label)
         low, high = (np.maximum(deviation * (1.0 + s * item.curve.sigma), 1e-12) for s in (-1.0, 1.0))

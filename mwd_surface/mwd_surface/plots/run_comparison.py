@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MOST = 6000  # least number of rows of a long run that are drawn; at most twice this number is drawn
+_MOST = 6000  # smallest number of rows drawn of a long run; at most twice this number is drawn
 _ANGLES = ("inclination_deg", "azimuth_deg")
 _NAMES = ("inclination", "azimuth")
 

@@ -88,7 +88,6 @@ class BagEstimate:
 
     Parameters
     ----------
-    bag : Bag
     estimator, given : settings
         Settings of the estimator and of the input.
     compensation : Compensation, optional
@@ -151,7 +150,8 @@ class BagEstimate:
         Run the estimator and return the summary.
 
         sink : called with the output of each block, in order of time, in a separate thread; an exception in `sink` ends
-        the run. progress : called with the completed share, 0 to 1.
+        the run.
+        progress : called with the completed share, 0 to 1.
 
         Raises
         ------
@@ -343,8 +343,8 @@ class BagEstimate:
 
         The samples of a magnetometer that is not used are left out.
 
-        block : the same samples with the log times of their messages. again : the samples were pushed before, and the
-        estimate has been restarted since.
+        block : the same samples with the log times of their messages.
+        again : the samples were pushed before, and the estimate has been restarted since.
         """
         topics = self.topics
         if not again:
@@ -427,8 +427,10 @@ class _Count:
     """
     Numbers of samples of one topic, in one run of the live estimator.
 
-    first_ns, last_ns : stamps of the first and the last sample used live, ns. used : number of samples used live.
-    recorded : number of samples between these stamps in the recording. recorded_from_ns : first of their stamps, ns.
+    first_ns, last_ns : stamps of the first and the last sample used live, ns.
+    used : number of samples used live.
+    recorded : number of samples between these stamps in the recording.
+    recorded_from_ns : first of their stamps, ns.
     """
 
     first_ns: int
@@ -442,7 +444,8 @@ class UsedSamples:
     """
     Counts of the samples used live and of the samples in the recording.
 
-    bag : Bag. namespace : namespace of the well, with a slash at its end.
+    bag : Bag.
+    namespace : namespace of the well, with a slash at its end.
     """
 
     def __init__(self, bag: Bag, namespace: str) -> None:
@@ -623,7 +626,8 @@ class Imu:
     """
     IMU samples ready for the estimator.
 
-    log_ns : log times of the samples, ns. followed : smoothed gravity at the samples; None without a smoother.
+    log_ns : log times of the samples, ns.
+    followed : smoothed gravity at the samples; None without a smoother.
     """
 
     samples: Samples
@@ -635,8 +639,8 @@ class ImuQueue:
     """
     Queue of IMU samples that wait for the next block or for the smoother.
 
-    smooth : settings of the method bounded, for smoothing gravity; None: no smoothing. mount : mount of the units in
-    the tool; gravity is smoothed in tool axes.
+    smooth : settings of the method bounded, for smoothing gravity; None: no smoothing.
+    mount : mount of the units in the tool; gravity is smoothed in tool axes.
     """
 
     def __init__(self, smooth: BoundedParams | None = None, mount: Mount | None = None) -> None:

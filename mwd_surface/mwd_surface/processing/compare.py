@@ -45,7 +45,8 @@ class StationDifference:
     One station of the expected run and its counterpart.
 
     differences : by column, this run minus the expected run, deg (shares for sigmas); nan if only one run has the
-    value. words : text on differences that are not numbers; empty if there are none.
+    value.
+    words : text on differences that are not numbers; empty if there are none.
     """
 
     sequence: str
@@ -60,7 +61,8 @@ class DifferenceStatistics:
     """
     Differences of one quantity over the samples in which both runs have the quantity, deg.
 
-    count : number of these samples. known_in_one : number of samples in which only one run has the quantity.
+    count : number of these samples.
+    known_in_one : number of samples in which only one run has the quantity.
     """
 
     name: str

@@ -43,7 +43,6 @@ class Merger:
     ----------
     path : Path
         Folder of the copy.
-    bag : Bag
     imu_topic : str
         Topic of the IMU; the estimates get the namespace of this topic and the log times of its messages.
     thinner : Thinner
@@ -82,7 +81,8 @@ class Merger:
         """
         Write the next results and messages.
 
-        output, log_ns : results of IMU samples, and the log time of each sample. originals : messages of the recording.
+        output, log_ns : results of IMU samples, and the log time of each sample.
+        originals : messages of the recording.
         until_ns : no message logged up to this time, ns, will follow.
         """
         for one in originals:

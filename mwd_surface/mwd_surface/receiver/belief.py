@@ -21,7 +21,7 @@ _ANEW = 0.25
 # Probability that the table becomes wrong at a word, because that word is longer or shorter than in the table, or that
 # a second tool begins; and that a wrong table becomes right again, for example after a disturbance of several words.
 _BECOMES_WRONG, _BECOMES_RIGHT = 0.002, 0.02
-# Least confidence with which a word of a survey and a word of a toolface sequence are believed.
+# Lowest confidence with which a word of a survey and a word of a toolface sequence are believed.
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
 # Probability that a word does not fit although the table is right, so that one odd word in a hundred does not decide.
 _SLIP = 0.01

@@ -83,7 +83,6 @@ class TcpClient:
 
     Parameters
     ----------
-    host, port : str, int
     keep_alive : bytes
         Bytes sent every half minute, for servers that drop a silent client.
     """
@@ -181,7 +180,6 @@ class LineSource(_OfStream):
 
     Parameters
     ----------
-    stream : Pipe or TcpClient
     columns : mapping of str
         Columns as `pressure_table.columns_of` reads them, by number or by the name in a first line; if empty, a first
         line must name time and pressure with their units. Without a time, the time of arrival counts.
@@ -342,7 +340,6 @@ class WitsSource(_OfStream):
 
     Parameters
     ----------
-    stream : TcpClient
     columns : mapping of str
         The item and its unit, such as {"pressure_psi": "0121"}.
     clock : callable
@@ -386,7 +383,6 @@ class OpcUaSource:
 
     Parameters
     ----------
-    url : str
     columns : mapping of str
         The node and its unit, such as {"pressure_bar": "ns=2;s=SPP"}.
     sampling_ms : float

@@ -24,7 +24,7 @@ from mwd_surface.receiver.whitening import prediction_error_filter
 # words with healthy pumps.
 _STANDS_OUT = 200.0
 _MOST_LINES = 16  # largest number of lines
-# Least power of a line relative to the power of the noise in the average of the line. Subtracting a weaker line adds
+# Lowest power of a line relative to the power of the noise in the average of the line. Subtracting a weaker line adds
 # more noise than it removes.
 _COHERENT = 4.0
 # Harmonics of counted strokes: their number, their upper limit as a share of the highest frequency, and the factor of

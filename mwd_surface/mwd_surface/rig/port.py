@@ -95,7 +95,6 @@ class RigPort:
 
     Parameters
     ----------
-    settings : RigSettings
     well : str
         Name of the well.
     on_rig_state : callable, optional

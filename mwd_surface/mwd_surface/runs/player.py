@@ -104,7 +104,6 @@ class Player:
 
     Parameters
     ----------
-    bag : Bag
     namespace : str
         Namespace of the well, with a slash at its end.
     settings : RecordedWell, optional

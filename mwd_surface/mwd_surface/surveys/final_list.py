@@ -129,7 +129,7 @@ def _joined(whole: FinalList, source: ListSource) -> FinalList:
         here = record.in_use and upper <= record.measured_depth <= lower and _on_path(surveys, record)
         if not here or record.survey.sequence in held:
             return record
-        comment = f"{record.comment}; {better} is used here".removeprefix("; ")
+        comment = f"{record.comment}; replaced by {better}".removeprefix("; ")
         return dataclasses.replace(record, in_use=False, comment=comment)
 
     covering = [r for r in mine if upper <= r.measured_depth <= lower] or mine

@@ -52,7 +52,6 @@ def survey_list(
 
     Parameters
     ----------
-    stations : StationList
     well : Well, optional
         Well; by default the well stored in a list that this project exported, or else a default well. A north named by
         the list replaces the north of the well. A tool code named by a list of another program replaces the tool code
@@ -127,7 +126,6 @@ def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = 
 
     Parameters
     ----------
-    surveys : SurveyList
     leg : str, optional
         Leg to export, if not the current one.
     whole : bool

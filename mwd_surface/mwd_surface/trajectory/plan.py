@@ -175,7 +175,6 @@ def offset_from(plan: Plan, position: ArrayLike, inclination: float, azimuth: fl
 
     Parameters
     ----------
-    plan : Plan
     position : array_like, shape (3,)
         Position of the well (a survey, or the bit), m.
     inclination, azimuth : float

@@ -55,7 +55,7 @@ def test_in_an_overlap_the_surer_survey_is_used_and_the_other_stays_in_the_list(
     # Above the kick-off at 500 m the stations belong to the leg that the sidetrack leaves.
     assert {r.leg for r in inside if r.measured_depth <= 500.0} == {"main"}
     assert {r.leg for r in inside if r.measured_depth > 500.0} == {"ST1"}
-    left = [r for r in final.surveys.records if not r.in_use and "ifr is used here" in r.comment]
+    left = [r for r in final.surveys.records if not r.in_use and "replaced by ifr" in r.comment]
     assert left
     # The programme gives every station in use its own code.
     codes = {interval.code for interval in final.programme.intervals}

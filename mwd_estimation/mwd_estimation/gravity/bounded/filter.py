@@ -76,7 +76,6 @@ def run(
 
     Parameters
     ----------
-    params : BoundedParams
     state : BoundedState
         State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)

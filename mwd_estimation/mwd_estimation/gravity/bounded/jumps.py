@@ -55,8 +55,8 @@ SLOW_TIME, DENSITY_TIME, LEAST_DENSITY = 0.5, 10.0, 0.1
 # velocity; the string begins to accelerate along its hole.
 STEP, TRAVEL, KNOCK, RAMP, KINDS = 0, 1, 2, 3, 4
 RAMP_TIME = 1.0  # s, usual time in which a string reaches its speed
-# A jump is accepted if the logarithm of its odds exceeds this plus that of the competing jumps. Jumps of the velocity
-# do not compete with each other, because travel along the hole is a special knock.
+# A jump is accepted if the logarithm of its odds exceeds the logarithm of the odds of each competing jump by more than
+# this. Jumps of the velocity do not compete with each other, because travel along the hole is a special knock.
 SURE = 5.0
 # Point samples of vibration near a multiple of the sampling rate show a slow force of the size of the vibration. Its
 # usual duration, s: a sweep of 1 Hz/s passes the rate within a second.
@@ -119,8 +119,8 @@ def _search(p: BoundedParams, s: BoundedRecord) -> tuple[int, int]:
             if found > odds[kind]:
                 odds[kind], at[kind] = found, back
     moved = TRAVEL if odds[TRAVEL] >= odds[KNOCK] else KNOCK
-    # A string that accelerates competes with a step of the bias, but nothing is wrong with the state that the filter
-    # could correct. Integrated samples miss a velocity only where they clip, which `clipping` follows.
+    # RAMP (the string accelerates) only competes with a step of the bias: it leaves no error in the state to correct.
+    # Integrated samples miss a velocity only where they clip, which `clipping` follows.
     if s.meaning.sampled and odds[moved] >= odds[STEP] + SURE:
         return moved, at[moved]
     certain = odds[STEP] >= max(odds[moved], odds[RAMP]) + SURE and at[STEP] >= AFTER_STEP

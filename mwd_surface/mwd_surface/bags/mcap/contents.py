@@ -82,8 +82,9 @@ class Chunk:
     """
     A valid chunk found while scanning.
 
-    offset, length : position and length of the chunk's record, bytes. data, plain : records of the chunk, compressed
-    and decompressed. walk : positions of the records in `plain`.
+    offset, length : position and length of the chunk's record, bytes.
+    data, plain : records of the chunk, compressed and decompressed.
+    walk : positions of the records in `plain`.
     """
 
     offset: int
@@ -99,8 +100,9 @@ class Bare:
     """
     Valid messages outside of any chunk.
 
-    offset, length : position and length of the messages' records, bytes. plain : these records. walk : positions of the
-    records in `plain`.
+    offset, length : position and length of the messages' records, bytes.
+    plain : these records.
+    walk : positions of the records in `plain`.
     """
 
     offset: int

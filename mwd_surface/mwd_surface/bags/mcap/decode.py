@@ -83,7 +83,8 @@ def parse_chunk_head(body: bytes | memoryview, length: int) -> ChunkHead:
     """
     Return the header of a chunk.
 
-    body : at least the first bytes of the record's body. length : length of the whole body.
+    body : at least the first bytes of the record's body.
+    length : length of the whole body.
 
     Raises
     ------

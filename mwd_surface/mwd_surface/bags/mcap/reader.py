@@ -57,7 +57,7 @@ _BODIES = (
     Opcode.METADATA,
 )
 _PRIVATE = 0x80  # opcodes from here on are reserved for private records
-# Exact body size of each kind of record with a fixed length, and least body size of the other kinds, bytes.
+# Exact body size of each kind of record with a fixed length, and smallest body size of the other kinds, bytes.
 _FIXED = {int(Opcode.FOOTER): 20, int(Opcode.DATA_END): 4}
 _SHORTEST = {
     int(Opcode.HEADER): 8,
@@ -83,7 +83,6 @@ class McapFile:
 
     Parameters
     ----------
-    path : Path
     damaged : bool
         Whether to accept a file that does not begin like an MCAP file, because its first bytes may be damaged.
 
@@ -341,8 +340,8 @@ class McapFile:
         Return whether `steps` valid records follow one another from `at` on, or fewer up to the end of the file.
 
         first : whether there is no other evidence that a record begins at `at`. The record must then be complete, and
-        be a message, a chunk with its header, or followed by another record. cut_off : whether the last record may
-        reach beyond the end of a truncated file.
+        be a message, a chunk with its header, or followed by another record.
+        cut_off : whether the last record may reach beyond the end of a truncated file.
         """
         cut_off, behind = cut_off and self._cut_off, 0
         end = self.size if self._cut_off else self.size - len(MAGIC)

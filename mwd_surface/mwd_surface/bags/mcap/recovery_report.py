@@ -114,8 +114,10 @@ class Tally:
     """
     Counts of messages, chunks and damages over the pieces of a scan.
 
-    counts : number of messages by channel. lost_bytes : bytes that cannot be used. orphans : number of messages without
-    a channel. times : first and last log time, ns; empty without messages.
+    counts : number of messages by channel.
+    lost_bytes : bytes that cannot be used.
+    orphans : number of messages without a channel.
+    times : first and last log time, ns; empty without messages.
     """
 
     contents: Contents

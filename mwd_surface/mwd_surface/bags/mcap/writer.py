@@ -52,7 +52,9 @@ class McapWriter:
     ----------
     path : Path
         File to create; it must not exist.
-    compression : {"zstd", "lz4", ""} level : int
+    compression : {"zstd", "lz4", ""}
+        Compression of the chunks; "": none.
+    level : int
         Compression level of zstd.
     chunk_bytes : int
         A chunk is closed when its uncompressed records reach this size.
@@ -495,7 +497,8 @@ def packed_summary(groups: Sequence[tuple[int, bytes]], start: int) -> bytes:
     """
     Return everything that follows the DataEnd record: summary, summary offsets, footer with CRC, magic bytes.
 
-    groups : (opcode, records of that opcode); groups may be empty. start : position of the summary in the file.
+    groups : (opcode, records of that opcode); groups may be empty.
+    start : position of the summary in the file.
     """
     body, offsets, at = b"", b"", start
     for opcode, records in groups:

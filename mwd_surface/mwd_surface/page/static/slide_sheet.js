@@ -17,7 +17,7 @@ function toolface(s) {
 
 export function slideSheet(steering) {
   const { rows, yields, left_out: left } = steering;
-  if (!rows.length) return [el("p", { class: "empty" }, t("No hole made yet: the sheet grows while the rig sends bit and hole depth."))];
+  if (!rows.length) return [el("p", { class: "empty" }, t("Nothing drilled yet: the sheet grows while the rig sends bit and hole depth."))];
   const unit = units.unit("length");
   const total = (mode) => rows.filter((s) => s.mode === mode).reduce((sum, s) => sum + s.length, 0);
   const [slid, turned] = [total("slide"), total("rotate")];

@@ -96,10 +96,8 @@ def envelope(value: Array, known: Array, band: Band, at: float, count: int, symb
     ----------
     value, known : ndarray, shape (n,)
         Samples of the grid with their mean removed, and 1 where a sample is known.
-    band : Band
     at : float
         Position of the first value, steps.
-    count : int
     symbol : float
         Steps per symbol by the clock of the tool; the carrier of the tool runs on the same clock.
 

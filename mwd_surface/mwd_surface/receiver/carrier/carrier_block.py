@@ -120,7 +120,6 @@ class BlockDecoder:
 
         Parameters
         ----------
-        data : BlockData
         taps : ndarray, optional
             Prediction error filter of the noise in the previous block.
         turns : int

@@ -28,7 +28,7 @@ _PAST = 48  # symbols before a step from which its noise is estimated
 _CLOCK = 1.2e-3  # largest relative error of the tool's clock that is searched
 _STEP_RAD = 0.7  # difference of the phase at the end of a block between two clock trials
 _KEPT_BLOCKS = 3  # length of the samples that are kept, blocks
-# Least number of samples per period at the upper edge of the carrier's band.
+# Smallest number of samples per period at the upper edge of the carrier's band.
 _LEAST = 2.1
 # Score below which a marker counts as absent at the place where the next block should begin.
 _ABSENT = 3.0

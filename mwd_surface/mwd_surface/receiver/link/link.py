@@ -99,7 +99,6 @@ class Link:
         Tool configuration, the same as in the tool.
     name : str
         mud_pulse, em, coil or serial.
-    rules : AgeRules
     stamp_ns : callable
         Converts a time on the clock of the samples, s, to a stamp, ns.
     """

@@ -22,7 +22,7 @@ from mwd_surface.receiver.pulse import segment, trellis
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.words import packet_rows
 
-# Least number of bits of a stretch: short words are decoded together. A survey word is long enough alone, so it is
+# Smallest number of bits of a stretch: short words are decoded together. A survey word is long enough alone, so it is
 # shown as soon as it has arrived.
 _STRETCH_BITS = 12
 # Bits used to decide whether a sequence is present, and which one.
@@ -33,7 +33,7 @@ _BEAM = 16  # number of the most probable codes of a word that are kept
 # like a pulse. Against known words, the best temperature is 1 in undisturbed white noise and in wells, and 2 to 3 in
 # stalls, whatever share of the word they cover.
 _TEMPERATURES = (1.0, 2.5)
-# Least probability of a parity that floating point distinguishes from 0.
+# Lowest probability of a parity that floating point distinguishes from 0.
 _LEAST = tuple(1e-15 ** (1.0 / temperature) for temperature in _TEMPERATURES)
 
 
@@ -185,7 +185,7 @@ def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH
 
 
 def sync_places(tool: ToolConfiguration, start: int) -> list[PulsePlace]:
-    """Return the pulses of a sync that starts at a sample."""
+    """Return the places of the pulses of a sync that starts at the sample `start`."""
     edges = (float(start + SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu)
     return [PulsePlace(edge, 1.0, edge) for edge in edges]
 

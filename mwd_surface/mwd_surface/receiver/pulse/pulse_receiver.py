@@ -45,7 +45,6 @@ class PulseReceiver(SampledReceiver):
 
     Parameters
     ----------
-    tool : ToolConfiguration
     flow : FlowSpans, optional
         Spans without flow in the same pressure, which the caller updates before each push; without them the receiver
         finds the spans itself.

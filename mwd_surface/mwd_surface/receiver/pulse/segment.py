@@ -203,7 +203,6 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
 
     Parameters
     ----------
-    stretch : StretchOnToolClock
     channel : ChannelEstimate
         Estimate to start from.
     """
@@ -562,9 +561,9 @@ def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Arra
 
 def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, known: tuple[Array, Array]) -> Array:
     """
-    Fit the noise model to the pressure without pulses and pumps; return the level and pump noise.
+    Fit the noise model in `state` to the pressure without pulses and pumps; return pressure level plus pump noise, Pa.
 
-    known: weight of each sample, and the crank angles to use.
+    known: weight of each sample, and the crank angles of the pumps, rad.
     """
     weight, angles = known
     explained = np.empty(len(weight))

@@ -37,7 +37,7 @@ _AT_FIRST = {"Grav": (STANDARD_GRAVITY, 0.004 * STANDARD_GRAVITY)}
 _FREE = 0.05
 # Log odds above which two receptions count as one survey sent twice.
 _LEAST_ODDS = math.log(20.0)
-_LONG_BITS = 10  # least number of bits of a long word
+_LONG_BITS = 10  # smallest number of bits of a long word
 # Probability that a word has the same code in two different surveys: for a long word, and for a short word, which
 # changes slowly.
 _ALIKE_LONG, _ALIKE_SHORT = 0.2, 0.7
@@ -90,7 +90,6 @@ class SurveyMemory:
 
     Parameters
     ----------
-    tool : ToolConfiguration
     rested : callable
         Returns whether the pumps were off long enough for a survey between two times, s.
     """

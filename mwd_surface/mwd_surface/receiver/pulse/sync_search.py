@@ -64,7 +64,6 @@ def guesses(
 
     Parameters
     ----------
-    tool : ToolConfiguration
     time_s, pressure_pa : ndarray, shape (n,)
         Rising times, s, and Pa.
     syncs : sequence of Sync

@@ -53,7 +53,7 @@ _MISSING = 6.0
 # of the five pulses.
 _KNOWN = 0.5
 _MIDDLE = SAMPLES_PER_TU  # middle of a 2 TU pulse after its edge
-_LEAST_NOISE = 200  # least number of samples for a noise model
+_LEAST_NOISE = 200  # smallest number of samples for a noise model
 # Samples of a block, and shift of a block mean, in usual deviations, above which the pumps are starting.
 _BLOCK, _MOVED = 16, 5.0
 
@@ -121,7 +121,7 @@ def search(
     angles : ndarray, shape (pumps, n), optional
         Crank angles of pumps with stroke counters, rad.
     least : float
-        Least score of a sync.
+        Lowest score of a sync.
 
     Returns
     -------

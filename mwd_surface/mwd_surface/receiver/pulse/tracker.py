@@ -44,9 +44,6 @@ class Tracker:
 
     Parameters
     ----------
-    tool : ToolConfiguration
-    grid : Grid
-    flow : FlowSpans
     doubt : Doubt
         Doubt about the configuration.
 

@@ -34,7 +34,7 @@ _HISTORY_TU = 400  # length of the past that is used for the estimate of channel
 _AFTER_TU = 14
 # Probability of a wrong table above which the transmission counts as lost: at least three words in a row do not fit.
 _LOST = 0.999
-_DOUBTFUL = 0.2  # probability of a wrong table above which the parities count as failing
+_DOUBTFUL = 0.2  # probability of a wrong word table above which the parities count as failing
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
 _TWO_TOOLS = "two tools send at once; give them different pulse widths or transmit delays"
 FADED = "no pulses any more: flow off, too weak, or the tool began anew"
@@ -54,10 +54,8 @@ class ReceivedTransmission:
 
     Parameters
     ----------
-    tool : ToolConfiguration
     grid : Grid
         Pressure, to which later samples are appended.
-    found : SyncFound
     position : float
         Position where the sync starts, steps of the grid.
     doubt : Doubt
@@ -566,7 +564,7 @@ def _from_all(measured: float, variance: float) -> tuple[float, float]:
 # Decision whether pulses are present behind a sync, from the evidence of its last stretches.
 
 
-# Least log likelihood ratio of a sync with the words after it. Noise reaches it with a probability below exp(-18) at
+# Lowest log likelihood ratio of a sync with the words after it. Noise reaches it with a probability below exp(-18) at
 # each of ten thousand places per hour. Starting pumps can look like a sync, but not like the words after it.
 _LEAST_EVIDENCE = 18.0
 # Number of packets that are judged together (about 30 bits), and number of packets without words after which a sync is
@@ -648,8 +646,8 @@ class Presence:
             return
         evidence = sum(one.evidence for one in last)
         was = self.faint
-        # Growing noise, as after stalls, lowers the expected evidence; but evidence that noise alone can reach is never
-        # a pulse.
+        # Growing noise, as after stalls, lowers the expected evidence. The expectation stays above the evidence that
+        # noise alone can reach.
         noise = _LEAST_EVIDENCE * packets / _JUDGED_PACKETS
         expected = max(_FAINT * sum(one.expected for one in last), noise)
         self.faint = evidence <= min(_FAINT * self.usual * packets, expected)

@@ -101,7 +101,6 @@ class Blackboard(LoopInterface):
 
     Parameters
     ----------
-    settings : BlackboardSettings
     on_rig_state : callable, optional
         Receives rig data, `wire.RIG_STATE`, in the thread of the interface.
     clock, wall : callable
@@ -267,7 +266,6 @@ class _Depths:
 
     Parameters
     ----------
-    client : asyncua.Client
     resolve : str
         Node id of the method that answers a query.
     ours : set of str

@@ -245,7 +245,6 @@ class Wits0Link(LoopInterface):
     ----------
     name : str
         Name of the interface.
-    settings : Wits0Settings
     on_rig_state : callable, optional
         Receives rig data, `wire.RIG_STATE`, in the thread of the interface.
     clock, wall : callable

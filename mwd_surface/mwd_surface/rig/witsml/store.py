@@ -93,7 +93,6 @@ class WitsmlStore(LoopInterface):
 
     Parameters
     ----------
-    settings : WitsmlStoreSettings
     clock : callable
         Steady time, s.
     """
