@@ -74,6 +74,9 @@ _LATELY_S = 10.0  # s; time without unused samples after which the warning about
 class EstimatorNode(GraphNode[EstimatorSettings]):
     """Node that subscribes to the topics of the sonde, never to simulated truth, and publishes attitude and surveys."""
 
+    # Every block except the choice of the gravity method.
+    changeable = ("tool.", "place.", "survey.", "verdict.", "gravity.expert.", "attitude.", "dynamics.", "transmit.")
+
     def __init__(self, **node_options: Any) -> None:
         super().__init__("estimator", EstimatorSettings(), **node_options)
         self._survey_response: DeferredResponse | None = None

@@ -65,35 +65,24 @@ _BURST_TOPIC = {single: name for name, single in burst.TOPICS.items()}
 class SondeSettings:
     """Parameters of the sonde node."""
 
-    scenario: str = setting(
-        "default", "Scenario to run: a name from bags/scenarios or the path of a YAML file.", fixed=True
-    )
-    seed: int = setting(
-        -1, "Seed of all random numbers. -1 uses the seed of the scenario.", low=-1, high=2**31 - 1, fixed=True
-    )
+    scenario: str = setting("default", "Scenario to run: a name from bags/scenarios or the path of a YAML file.")
+    seed: int = setting(-1, "Seed of all random numbers. -1 uses the seed of the scenario.", low=-1, high=2**31 - 1)
     rate: float = setting(
         1.0,
         "Seconds of the scenario per second of wall time; 0 runs as fast as possible. Subscribers lose samples if "
         "they cannot follow the rate.",
         low=0.0,
         high=1000.0,
-        fixed=True,
     )
     wait_for_listener_s: float = setting(
-        0.0,
-        "Longest wait for subscribers before the scenario starts; 0 starts at once.",
-        unit="s",
-        low=0.0,
-        high=600.0,
-        fixed=True,
+        0.0, "Longest wait for subscribers before the scenario starts; 0 starts at once.", unit="s", low=0.0, high=600.0
     )
     wait_for_node: str = setting(
         "",
         "Name of a node that must subscribe before the scenario starts, without a time limit. Use it for a node "
         "that first compiles its filters and would miss the start. Empty: only wait_for_listener_s applies.",
-        fixed=True,
     )
-    exit_at_end: bool = setting(False, "End the process when the scenario is over.", fixed=True)
+    exit_at_end: bool = setting(False, "End the process when the scenario is over.")
     burst: int = setting(
         0,
         "Number of samples in one message of imu/burst and gyro/burst, which then replace imu/data_raw and "
@@ -101,14 +90,12 @@ class SondeSettings:
         "computing time, but arrive later.",
         low=0,
         high=burst.MOST,
-        fixed=True,
     )
     thin: int = setting(
         1,
         "Publish only every n-th sample of magnetometer and truth. Raise it for units beyond 1 kHz.",
         low=1,
         high=1000,
-        fixed=True,
     )
     fault_injection: bool = setting(
         False, "Allow the service inject_fault, which injects faults into the sensors of the running sonde."
@@ -117,12 +104,13 @@ class SondeSettings:
         "",
         "CSV file for the truth, one row per second of the scenario, for runs where the surface receives only the "
         "telemetry link. Empty writes no file.",
-        fixed=True,
     )
 
 
 class SondeNode(GraphNode[SondeSettings]):
     """Publishes the topics of `wire.SONDE_TOPICS`; the stamps start at the node's time at the start of the scenario."""
+
+    changeable = ("fault_injection",)
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("sonde", SondeSettings(), **node_options)

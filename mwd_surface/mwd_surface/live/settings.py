@@ -177,5 +177,4 @@ class LinkSettings:
         "topics link/... of several receivers. With any other word than direct the surface subscribes to nothing "
         "else of the tool.",
         choices=("direct", "mud_pulse", "em", "coil", "serial", "best"),
-        fixed=True,
     )

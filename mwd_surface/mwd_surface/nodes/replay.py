@@ -47,36 +47,25 @@ _NOT_STARTED = "the replay has not begun"
 class ReplaySettings:
     """Parameters of the replay node."""
 
-    bag: str = setting("", "Recording to publish: its folder, or its .mcap or .db3 file.", fixed=True)
+    bag: str = setting("", "Recording to publish: its folder, or its .mcap or .db3 file.")
     rate: float = setting(
         1.0,
         "Seconds of the recording per second of wall time; 0: as fast as possible. Subscribers lose samples at a "
         "rate they cannot follow.",
         low=0.0,
         high=1000.0,
-        fixed=True,
     )
-    loop: bool = setting(False, "Start again from the beginning when the end is reached.", fixed=True)
-    start_s: float = setting(0.0, "Start this long after the first message.", unit="s", low=0.0, fixed=True)
-    end_s: float = setting(
-        0.0, "End this long after the first message; 0: at the last message.", unit="s", low=0.0, fixed=True
-    )
-    topics: list[str] = setting([], "Topics to publish; empty: all.", fixed=True)
+    loop: bool = setting(False, "Start again from the beginning when the end is reached.")
+    start_s: float = setting(0.0, "Start this long after the first message.", unit="s", low=0.0)
+    end_s: float = setting(0.0, "End this long after the first message; 0: at the last message.", unit="s", low=0.0)
+    topics: list[str] = setting([], "Topics to publish; empty: all.")
     sensors_only: bool = setting(
         False,
         "Publish only the topics of sonde and rig, so that estimator and surface can run together with the replay.",
-        fixed=True,
     )
-    clock_hz: float = setting(
-        100.0, "Rate of /clock in wall time; 0: no /clock.", unit="Hz", low=0.0, high=1000.0, fixed=True
-    )
+    clock_hz: float = setting(100.0, "Rate of /clock in wall time; 0: no /clock.", unit="Hz", low=0.0, high=1000.0)
     wait_for_listener_s: float = setting(
-        3.0,
-        "Longest wait for subscribers before the first message; 0: start at once.",
-        unit="s",
-        low=0.0,
-        high=600.0,
-        fixed=True,
+        3.0, "Longest wait for subscribers before the first message; 0: start at once.", unit="s", low=0.0, high=600.0
     )
 
 

@@ -77,15 +77,13 @@ _SLOW_PERIOD = 1.0  # s between two updates of all other parts
 class SurfaceNode(GraphNode[SurfaceSettings]):
     """Node between the topics of the sonde and the people and machines on the rig."""
 
+    changeable = ("well.", "rules.", "leg.", "plan.", "advisory.")
+
     def __init__(self, **node_options: Any) -> None:
         super().__init__("surface", SurfaceSettings(), **node_options)
         self._closers: list[Callable[[], Any]] = []
         # Once a second the page is updated even if no browser is connected.
         self._page_due = True
-
-    def changeable_at_runtime(self, name: str) -> bool:
-        """Return whether a parameter can change at run time: well, leg, plan, advisory and rules of the list can."""
-        return name.startswith(("well.", "rules.", "leg.", "plan.", "advisory."))
 
     def on_settings_changed(self, settings: SurfaceSettings) -> None:
         """Apply changed settings to survey list, plan and page."""

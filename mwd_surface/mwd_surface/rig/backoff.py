@@ -19,7 +19,6 @@ class Backoff:
         unit="s",
         low=0.01,
         high=60.0,
-        fixed=True,
     )
     longest: float = setting(
         30.0,
@@ -28,7 +27,6 @@ class Backoff:
         unit="s",
         low=0.01,
         high=600.0,
-        fixed=True,
     )
 
     def wait(self, failures: int, chance: float) -> float:

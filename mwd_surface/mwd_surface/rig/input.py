@@ -37,14 +37,13 @@ _SET_BACK_NS = 60 * NANOSECONDS  # a stamp earlier than the last one by more tha
 class RigInputSettings:
     """Rules for the acceptance of rig data."""
 
-    accept: bool = setting(False, "Accept rig data that peers send. If false, they are ignored.", fixed=True)
+    accept: bool = setting(False, "Accept rig data that peers send. If false, they are ignored.")
     fastest: float = setting(
         5.0,
         "Fastest plausible speed of the string. A faster change of depth is rejected until further readings "
         "confirm it.",
         unit="m/s",
         low=0.1,
-        fixed=True,
     )
     slack: float = setting(
         2.0,
@@ -52,23 +51,15 @@ class RigInputSettings:
         "coarse steps.",
         unit="m",
         low=0.0,
-        fixed=True,
     )
     confirm: int = setting(
         3,
         "Number of consistent readings in a row that confirm a jump of depth. Raising it delays true corrections.",
         low=1,
-        fixed=True,
     )
-    deepest: float = setting(
-        20000.0, "Largest plausible depth. A larger reading is rejected.", unit="m", low=1.0, fixed=True
-    )
+    deepest: float = setting(20000.0, "Largest plausible depth. A larger reading is rejected.", unit="m", low=1.0)
     slips_hookload: float = setting(
-        0.0,
-        "Hookload below which the string is in slips. 0: not known, so slips are not reported.",
-        unit="N",
-        low=0.0,
-        fixed=True,
+        0.0, "Hookload below which the string is in slips. 0: not known, so slips are not reported.", unit="N", low=0.0
     )
     max_rate: float = setting(
         20.0,
@@ -77,7 +68,6 @@ class RigInputSettings:
         unit="Hz",
         low=0.1,
         high=100.0,
-        fixed=True,
     )
 
 

@@ -37,11 +37,11 @@ _STEADY = 10.0  # s; after a connection that lasted this long, the wait starts a
 class Wits0ClientSettings:
     """Address of the recorder and waits between attempts."""
 
-    enabled: bool = setting(False, "Connect to a WITS recorder over TCP.", fixed=True)
-    host: str = setting("127.0.0.1", "Address of the recorder.", fixed=True)
-    port: int = setting(9872, "TCP port of the recorder.", low=1, high=65535, fixed=True)
+    enabled: bool = setting(False, "Connect to a WITS recorder over TCP.")
+    host: str = setting("127.0.0.1", "Address of the recorder.")
+    port: int = setting(9872, "TCP port of the recorder.", low=1, high=65535)
     connect_timeout: float = setting(
-        5.0, "Longest wait for the connection. Raise it for a slow network.", unit="s", low=0.1, high=60.0, fixed=True
+        5.0, "Longest wait for the connection. Raise it for a slow network.", unit="s", low=0.1, high=60.0
     )
     backoff: Backoff = setting(Backoff, "Waits between attempts to connect.")
 
@@ -50,11 +50,9 @@ class Wits0ClientSettings:
 class Wits0SerialSettings:
     """Settings of the serial line to the recorder."""
 
-    enabled: bool = setting(False, "Exchange WITS records over a serial line.", fixed=True)
-    device: str = setting("/dev/ttyS0", "Serial device of the line.", fixed=True)
-    baud: int = setting(
-        9600, "Speed of the line in bits per second. Both ends must agree.", low=300, high=921600, fixed=True
-    )
+    enabled: bool = setting(False, "Exchange WITS records over a serial line.")
+    device: str = setting("/dev/ttyS0", "Serial device of the line.")
+    baud: int = setting(9600, "Speed of the line in bits per second. Both ends must agree.", low=300, high=921600)
     backoff: Backoff = setting(Backoff, "Waits between attempts to open the line.")
 
 

@@ -51,22 +51,13 @@ class StoreRefusedError(RuntimeError):
 class WitsmlStoreSettings:
     """Address of the store, login, and waits between attempts."""
 
-    enabled: bool = setting(
-        False, "Send the definitive survey to a WITSML store whenever the survey changes.", fixed=True
-    )
-    url: str = setting("", "Address of the store's SOAP interface, http:// or https://.", fixed=True)
-    user: str = setting("", "User name of the login. Empty: no login is sent.", fixed=True)
-    password_file: str = setting("", "File whose first line is the password of the login.", fixed=True)
-    allow_plain: bool = setting(
-        False, "Allow the password to be sent without encryption (http) to another machine.", fixed=True
-    )
+    enabled: bool = setting(False, "Send the definitive survey to a WITSML store whenever the survey changes.")
+    url: str = setting("", "Address of the store's SOAP interface, http:// or https://.")
+    user: str = setting("", "User name of the login. Empty: no login is sent.")
+    password_file: str = setting("", "File whose first line is the password of the login.")
+    allow_plain: bool = setting(False, "Allow the password to be sent without encryption (http) to another machine.")
     timeout: float = setting(
-        20.0,
-        "Longest wait for an answer of the store. Raise it for a slow network.",
-        unit="s",
-        low=0.5,
-        high=300.0,
-        fixed=True,
+        20.0, "Longest wait for an answer of the store. Raise it for a slow network.", unit="s", low=0.5, high=300.0
     )
     first_wait: float = setting(
         2.0,
@@ -74,7 +65,6 @@ class WitsmlStoreSettings:
         unit="s",
         low=0.01,
         high=600.0,
-        fixed=True,
     )
     longest_wait: float = setting(
         120.0,
@@ -83,7 +73,6 @@ class WitsmlStoreSettings:
         unit="s",
         low=0.01,
         high=3600.0,
-        fixed=True,
     )
 
 
