@@ -36,8 +36,7 @@ from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface import __version__
 from mwd_surface.bags.recorder.status import RecorderError
-from mwd_surface.live.alarm_log import AlarmLog
-from mwd_surface.live.alarms import Severity
+from mwd_surface.live.alarms import AlarmLog, Severity
 from mwd_surface.live.inputs import InputState
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.live_well import LiveWell, live_settings
@@ -131,8 +130,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._time = SteadyTime()
         clock = WellClock(self._time.now_ns())
         # In a ROS graph with simulated time, alarms get the simulated time.
-        stamp = self._graph_ns if self.get_parameter("use_sim_time").value else None
-        outlet.alarm_log = AlarmLog(clock, outlet.tell, stamp)
+        now_ns = self._graph_ns if self.get_parameter("use_sim_time").value else lambda: clock.now_ns
+        outlet.alarm_log = AlarmLog(now_ns, outlet.tell)
         well_context = WellContext(clock, LiveState(live_settings(settings)), outlet.alarm_log, outlet)
         context = self._shared = SurfaceContext(
             node=self,
@@ -291,8 +290,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def _acknowledge(self, request: Any, response: Any) -> Any:
         """Acknowledge an alarm; return the response (service)."""
-        log = self._shared.alarm_log
-        response.success, response.message = log.book.acknowledge(request.id, request.operator_name, log.now_ns())
+        answer = self._shared.alarm_log.acknowledge(request.id, request.operator_name)
+        response.success, response.message = answer
         return response
 
     def _handle_request(self, name: str, arguments: dict[str, Any]) -> Answer | concurrent.futures.Future[Answer]:
