@@ -14,7 +14,6 @@ import contextlib
 import dataclasses
 import json
 import math
-import random
 import time
 import urllib.parse
 from collections.abc import Callable, Iterable
@@ -113,7 +112,6 @@ class Blackboard(LoopInterface):
         self.settings = settings
         self._on_rig_state = on_rig_state if settings.rig.accept else None
         self._clock, self._wall = clock, wall
-        self._chance = random.Random(settings.url)  # noqa: S311 (spreads waits; nothing secret)
         self._input = RigInput(settings.rig)
         self._asyncua: Any = None
         self._connected = self._bare = False
@@ -153,7 +151,7 @@ class Blackboard(LoopInterface):
             finally:
                 self._connected = False
             if not stop.is_set():
-                wait = self.settings.backoff.wait(failures - 1, self._chance.random())
+                wait = self.settings.backoff.wait(failures)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(wait):
                         await stop.wait()

@@ -13,7 +13,6 @@ import asyncio
 import contextlib
 import dataclasses
 import os
-import random
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
@@ -70,7 +69,6 @@ class _Caller(Wits0Link, abc.ABC):
     ) -> None:
         super().__init__(name, talk or Wits0Settings(), on_rig_state, **clocks)
         self._where, self._backoff = where, backoff
-        self._chance = random.Random(where)  # noqa: S311 (spreads waits; nothing secret)
         self.failures = 0
         self.connections = 0
         self._reason = ""
@@ -109,7 +107,7 @@ class _Caller(Wits0Link, abc.ABC):
             except (OSError, TimeoutError) as error:
                 self.failures += 1
                 self._reason = f"{self._where}: {error or 'no answer'}"
-            await asyncio.sleep(self._backoff.wait(self.failures - 1, self._chance.random()))
+            await asyncio.sleep(self._backoff.wait(self.failures))
 
     def status(self) -> InterfaceStatus:
         """Return the state of the interface."""
