@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -42,7 +43,8 @@ class Output:
     def joined(self, later: Output) -> Output:
         """Return this output with the later output `later` appended."""
         pairs = zip(vars(self).values(), vars(later).values(), strict=True)
-        return Output(*(one + two if isinstance(one, list) else np.concatenate([one, two]) for one, two in pairs))
+        joined: list[Any] = [one + two if isinstance(one, list) else np.concatenate([one, two]) for one, two in pairs]
+        return Output(*joined)
 
 
 @dataclasses.dataclass
