@@ -23,6 +23,7 @@ from mwd_sensors.core.settings import from_mapping, setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.nodes.telemetry import TelemetryTopics
 from mwd_sensors.ros import qos
+from mwd_sensors.ros.deferred import answering
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
@@ -280,27 +281,20 @@ class SondeNode(GraphNode[SondeSettings]):
             for part in burst.parts(samples, self.settings.burst)
         ]
 
-    def _inject_fault(self, request: Any, response: Any) -> Any:
+    @answering
+    def _inject_fault(self, request: Any, _response: Any) -> str:
         if not self.settings.fault_injection:
-            response.success = False
-            response.message = "fault injection is off; set the parameter fault_injection to true"
-            return response
+            raise ValueError("fault injection is off; set the parameter fault_injection to true")
         if self._sonde is None:
-            response.success, response.message = False, "the scenario has not started"
-            return response
+            raise ValueError("the scenario has not started")
         fault = {"component": request.component, "fault": request.fault, "axis": request.axis or "all"}
         if request.duration != 0.0:
             fault["seconds"] = request.duration
-        try:
-            self._sonde.inject(from_mapping(Fault, fault))
-        except ValueError as error:
-            response.success, response.message = False, str(error)
-            return response
-        response.success = True
+        self._sonde.inject(from_mapping(Fault, fault))
         until = f"for {request.duration:g} s" if request.duration > 0.0 else "from now on"
-        response.message = f"{request.component} {request.fault} {until}"
-        self.get_logger().warning(printable(f"fault injected: {response.message}"))
-        return response
+        message = f"{request.component} {request.fault} {until}"
+        self.get_logger().warning(printable(f"fault injected: {message}"))
+        return message
 
     def diagnostics(self) -> Sequence[Diagnostic]:
         """Return the progress of the scenario, and the state of rig commands and telemetry link if there are any."""
