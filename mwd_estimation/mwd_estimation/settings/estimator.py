@@ -47,7 +47,6 @@ class Gravity:
         + "; ".join(f"{one.name}: {one.doc}" for one in gravity.METHODS.values())
         + ".",
         choices=tuple(gravity.METHODS),
-        fixed=True,
     )
     expert: Any = setting(None, "Parameters of the selected method.", expert=True)
 

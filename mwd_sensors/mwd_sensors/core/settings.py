@@ -36,14 +36,13 @@ class SettingsError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Rule:
-    """Rule for one field: meaning, unit, inclusive bounds, choices, and the marks `fixed` and `expert` of `setting`."""
+    """Rule for one field: meaning, unit, inclusive bounds, choices, and the mark `expert` of `setting`."""
 
     doc: str
     unit: str = ""
     low: float | None = None
     high: float | None = None
     choices: tuple[str, ...] = ()
-    fixed: bool = False
     expert: bool = False
 
     def text(self) -> str:
@@ -66,7 +65,6 @@ def setting(
     low: float | None = None,
     high: float | None = None,
     choices: tuple[str, ...] = (),
-    fixed: bool = False,
     expert: bool = False,
 ) -> Any:
     """
@@ -82,12 +80,10 @@ def setting(
         Inclusive bounds; for a list they apply to every element.
     choices : tuple of str
         Allowed words.
-    fixed : bool
-        True if a running node cannot change the value (read-only parameter).
     expert : bool
         True if the default suits nearly all users; the reference lists these fields last.
     """
-    metadata = {"rule": Rule(doc, unit, low, high, choices, fixed, expert)}
+    metadata = {"rule": Rule(doc, unit, low, high, choices, expert)}
     if isinstance(default, (list, dict, set)):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
     if isinstance(default, type) and dataclasses.is_dataclass(default):

@@ -31,30 +31,21 @@ _END_OF_TIME_NS = 2**31 * 10**9  # end of the range of message stamps
 class LineSettings:
     """Serial line of a probe."""
 
-    port: str = setting(
-        "/dev/ttyUSB0", "Device of the serial line; with `mwd emulate`, the name that it prints.", fixed=True
-    )
+    port: str = setting("/dev/ttyUSB0", "Device of the serial line; with `mwd emulate`, the name that it prints.")
     baud: int = setting(
-        921600,
-        "Speed of the line; 8 data bits, no parity, 1 stop bit.",
-        unit="bit/s",
-        low=1200,
-        high=12_000_000,
-        fixed=True,
+        921600, "Speed of the line; 8 data bits, no parity, 1 stop bit.", unit="bit/s", low=1200, high=12_000_000
     )
     protocol: str = setting(
         "binary",
         "Protocol of the line: binary (COBS frames with CRC-16), ascii (text lines with CRC-16), xsens (MTData2) or "
         "polled (RS-485: this machine asks, the unit replies).",
         choices=("binary", "ascii", "xsens", "polled"),
-        fixed=True,
     )
     clock: str = setting(
         "host",
         "Stamps of the samples: host (the unit's time converted to that of this machine) or unit (unchanged, for "
         "example when a recording is played).",
         choices=("host", "unit"),
-        fixed=True,
     )
     xsens_field_ut: float = setting(
         0.0,
@@ -63,13 +54,11 @@ class LineSettings:
         unit="uT",
         low=0.0,
         high=100.0,
-        fixed=True,
     )
     frame_file: str = setting(
         "",
         "Frame of the protocol polled, a YAML file: address, requests, replies, timeout. Empty: Modbus RTU, unit 1, "
         "all values in input registers from 0.",
-        fixed=True,
     )
     wait_for_listener_s: float = setting(
         0.0,
@@ -77,7 +66,6 @@ class LineSettings:
         unit="s",
         low=0.0,
         high=600.0,
-        fixed=True,
     )
 
 

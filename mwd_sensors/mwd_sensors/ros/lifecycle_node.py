@@ -83,6 +83,9 @@ class GraphNode(LifecycleNode, Generic[T]):
         A parameter given at start is unknown or not allowed.
     """
 
+    #: Beginnings of the names of the parameters that can change at run time; all other parameters are read-only.
+    changeable: tuple[str, ...] = ()
+
     def __init__(self, name: str, default: T, **node_options: Any) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **node_options)
         given = given_at_start(self)
@@ -93,7 +96,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         if not _FRAME_PREFIX.fullmatch(prefix):
             raise SettingsError(f"frame_prefix: {printable(prefix)[:80]!r} has characters that no frame has")
         self._parameter_set = SettingsParameters(
-            self, given, default, self._settings_changed, self.changeable_at_runtime, self.check_settings
+            self, given, default, self._settings_changed, self.changeable, self.check_settings
         )
         self._entities: list[tuple[Any, Callable[[], Any]]] = []
         self._retired: list[contextlib.ExitStack] = []
@@ -142,10 +145,6 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def cleanup(self) -> None:
         """Release what `configure` acquired, other than topics, services and timers."""
-
-    def changeable_at_runtime(self, name: str) -> bool:  # noqa: ARG002
-        """Return whether a running node accepts a change of this parameter; all other parameters are read-only."""
-        return True
 
     def check_settings(self, settings: T) -> None:
         """Raise ValueError for settings that the node cannot work with; such settings are refused, also at start."""

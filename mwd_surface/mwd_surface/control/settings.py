@@ -15,7 +15,7 @@ class ControlSettings:
     """Settings for control of top drive and pumps by controllers: permission, limits, reactions to faults."""
 
     enabled: bool = setting(
-        False, "Let controllers take control of top drive and pumps. If false, every request is denied.", fixed=True
+        False, "Let controllers take control of top drive and pumps. If false, every request is denied."
     )
     grant: str = setting(
         "operator",
@@ -23,7 +23,6 @@ class ControlSettings:
         "automatic: the first request is granted, and a request of higher priority takes over. Use automatic only "
         "if every controller is trusted.",
         choices=("operator", "automatic"),
-        fixed=True,
     )
     heartbeat_s: float = setting(
         2.0,
@@ -32,7 +31,6 @@ class ControlSettings:
         unit="s",
         low=0.2,
         high=30.0,
-        fixed=True,
     )
     pending_s: float = setting(
         120.0,
@@ -40,7 +38,6 @@ class ControlSettings:
         unit="s",
         low=1.0,
         high=3600.0,
-        fixed=True,
     )
     longest_s: float = setting(
         3600.0,
@@ -49,10 +46,9 @@ class ControlSettings:
         unit="s",
         low=1.0,
         high=86400.0,
-        fixed=True,
     )
     speed_rpm: float = setting(
-        120.0, "Highest speed that may be commanded to the top drive.", unit="r/min", low=0.1, high=600.0, fixed=True
+        120.0, "Highest speed that may be commanded to the top drive.", unit="r/min", low=0.1, high=600.0
     )
     speed_rate_rpm_s: float = setting(
         10.0,
@@ -60,7 +56,6 @@ class ControlSettings:
         unit="r/min/s",
         low=0.1,
         high=1000.0,
-        fixed=True,
     )
     torque_nm: float = setting(
         30000.0,
@@ -68,9 +63,8 @@ class ControlSettings:
         unit="N m",
         low=100.0,
         high=2e5,
-        fixed=True,
     )
-    turn_deg: float = setting(720.0, "Largest turn in one command.", unit="deg", low=1.0, high=36000.0, fixed=True)
+    turn_deg: float = setting(720.0, "Largest turn in one command.", unit="deg", low=1.0, high=36000.0)
     left_speed_rpm: float = setting(
         0.0,
         "Highest counter-clockwise speed, looking downhole, that may be commanded. Left-hand rotation can unscrew "
@@ -78,7 +72,6 @@ class ControlSettings:
         unit="r/min",
         low=0.0,
         high=600.0,
-        fixed=True,
     )
     left_turn_deg: float = setting(
         0.0,
@@ -87,23 +80,20 @@ class ControlSettings:
         unit="deg",
         low=0.0,
         high=36000.0,
-        fixed=True,
     )
     flow_lpm: float = setting(
-        4000.0, "Highest flow that may be commanded to the pumps.", unit="L/min", low=1.0, high=20000.0, fixed=True
+        4000.0, "Highest flow that may be commanded to the pumps.", unit="L/min", low=1.0, high=20000.0
     )
     controller_lost_sliding: str = setting(
         "hold",
         "Reaction to a dead controller while sliding. hold: stop turning and hold the string; release: return to "
         "the driller's settings; keep: keep the last set-point until a person ends it.",
         choices=REACTIONS,
-        fixed=True,
     )
     controller_lost_rotating: str = setting(
         "release",
         "Reaction to a dead controller while rotating: hold, release or keep, as for sliding.",
         choices=REACTIONS,
-        fixed=True,
     )
     mwd_lost_sliding: str = setting(
         "hold",
@@ -111,12 +101,10 @@ class ControlSettings:
         "controller_lost_sliding. Except with keep, ORIENT set-points are refused until attitude and toolface arrive "
         "again.",
         choices=REACTIONS,
-        fixed=True,
     )
     mwd_lost_rotating: str = setting(
         "keep",
         "Reaction while rotating if attitude and toolface stop arriving: keep, hold or release. Rotating needs no "
         "toolface.",
         choices=REACTIONS,
-        fixed=True,
     )

@@ -16,7 +16,6 @@ class DownlinkSettings:
         "",
         "Tool configuration (tool.yaml) whose section `downlink` says how the tool accepts commands. Tool and "
         "receiver need the same file. Empty: no downlink.",
-        fixed=True,
     )
     speed_low_rpm: float = setting(
         30.0,

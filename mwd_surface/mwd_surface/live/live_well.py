@@ -327,13 +327,13 @@ class LiveWell:
             self._show_alarms(now)
 
     def _show_alarms(self, now: float) -> None:
-        book, missing = self.alarm_log.book, self.not_evaluated()
-        if (book.version, missing) != self._shown_alarms:
-            self._shown_alarms = (book.version, missing)
-            stamp_ns = self.alarm_log.now_ns()
-            self._outlet.on_alarms(book, missing, stamp_ns)
-            alarms = AlarmState(book.alarms(), missing, stamp_ns / NANOSECONDS - now)
-            self.live.show(now, alarms=alarms, events=book.events())
+        log, missing = self.alarm_log, self.not_evaluated()
+        if (log.version, missing) != self._shown_alarms:
+            self._shown_alarms = (log.version, missing)
+            stamp_ns = log.now_ns()
+            self._outlet.on_alarms(log, missing, stamp_ns)
+            alarms = AlarmState(log.alarms(), missing, stamp_ns / NANOSECONDS - now)
+            self.live.show(now, alarms=alarms, events=log.events())
 
     def not_evaluated(self) -> tuple[str, ...]:
         """Return the kinds of alarms that could not be evaluated so far, because their inputs have not arrived."""

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 
 from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
-from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.survey import REFERENCE_FIELDS, Survey
 from mwd_sensors.core.arrays import Array
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.clearance.clearance import Clearance
@@ -195,14 +195,8 @@ class ReferenceFieldState:
     @classmethod
     def of_survey(cls, survey: Survey) -> ReferenceFieldState:
         """Return the reference field with which a survey was judged."""
-        return cls(
-            total=survey.b_reference,
-            dip=survey.dip_reference,
-            declination=survey.declination,
-            convergence=survey.convergence,
-            gravity=survey.g_reference,
-            source=f"as of survey {survey.sequence}",
-        )
+        values = {name: getattr(survey, field) for name, field in REFERENCE_FIELDS.items()}
+        return cls(**values, source=f"as of survey {survey.sequence}")
 
 
 @dataclasses.dataclass(frozen=True)

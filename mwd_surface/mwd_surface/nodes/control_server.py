@@ -12,7 +12,6 @@ from rclpy.serialization import deserialize_message
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
-from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.messages import make
 from mwd_sensors.ros.time_stamps import stamp
@@ -133,9 +132,7 @@ class ControlServer:
 
     def _on_command(self, data: bytes) -> None:
         sealed = deserialize_message(data, msg.SealedCommand)
-        message = sealed.command
-        names = ("mode", "lease", "sequence", "rotary_speed", "turn", "flow_rate", "valid_for", "returns")
-        point = SetPoint(**{name: getattr(message, name) for name in names}, stamp_ns=stamp_of(message.header.stamp))
+        point = SetPoint.from_message(sealed.command)
         try:
             taken, why = self.authority.command(point, time.monotonic(), self._sender("control/command", sealed))
         except SealError as error:
@@ -204,17 +201,7 @@ class ControlServer:
             self._context.alarm_log.clear_alarm("control.fault")
 
     def _command_message(self, point: SetPoint) -> Any:
-        message = msg.RigCommand(
-            mode=int(point.mode),
-            lease=point.lease,
-            sequence=point.sequence,
-            rotary_speed=point.rotary_speed,
-            turn=point.turn,
-            flow_rate=point.flow_rate,
-            valid_for=point.valid_for,
-            returns=point.returns,
-        )
-        message.header.stamp = stamp(point.stamp_ns or self._context.now_ns())
+        message = dataclasses.replace(point, stamp_ns=point.stamp_ns or self._context.now_ns()).to_message(make)
         message.header.frame_id = self._node.frame(wire.RIG_FRAME)
         return message
 

@@ -79,6 +79,8 @@ class _Input:
 class ReceiverNode(GraphNode[ReceiverSettings]):
     """Node that decodes the telemetry; it subscribes only to measurements of the rig, never to topics of the tool."""
 
+    changeable = ("place.", "verdict.")
+
     def __init__(self, **node_options: Any) -> None:
         super().__init__("receiver", ReceiverSettings(), **node_options)
         self._line: SerialBytes | None = None
@@ -155,10 +157,6 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             for tool, buffer in zip(self._tools, buffers, strict=True)
         ]
         self._surveys = LinkSurveys(self._tools, self._reference_at, self._errors, self.settings.verdict)
-
-    def changeable_at_runtime(self, name: str) -> bool:
-        """Return whether a parameter can change at run time: those of place and verdict can, for the next survey."""
-        return name.startswith(("place.", "verdict."))
 
     def on_settings_changed(self, settings: ReceiverSettings) -> None:
         """Use the changed settings for the verdict and the reference field of the next surveys."""

@@ -28,15 +28,11 @@ class FoxgloveError(Exception):
 class FoxgloveSettings:
     """Settings of the live server for Foxglove."""
 
-    enabled: bool = setting(
-        False, "Serve the topics live to Foxglove. Needs the extra package foxglove-sdk.", fixed=True
-    )
-    host: str = setting("127.0.0.1", "Address of the network interface on which the server listens.", fixed=True)
-    port: int = setting(8765, "TCP port of the server. 0 selects a free port.", low=0, high=65535, fixed=True)
+    enabled: bool = setting(False, "Serve the topics live to Foxglove. Needs the extra package foxglove-sdk.")
+    host: str = setting("127.0.0.1", "Address of the network interface on which the server listens.")
+    port: int = setting(8765, "TCP port of the server. 0 selects a free port.", low=0, high=65535)
     allow_network: bool = setting(
-        False,
-        "Allow a host that other machines can reach. Without it only loopback addresses are accepted.",
-        fixed=True,
+        False, "Allow a host that other machines can reach. Without it only loopback addresses are accepted."
     )
     backlog: int = setting(
         1024,
@@ -44,7 +40,6 @@ class FoxgloveSettings:
         "slow network; it costs memory.",
         low=16,
         high=1_000_000,
-        fixed=True,
     )
 
 

@@ -32,8 +32,8 @@ _NEW_START_NS = 60_000_000_000  # ns; a sonde whose time goes back by more than 
 
 
 @dataclasses.dataclass(frozen=True)
-class DepthRules:
-    """Rules for depth readings and jumps."""
+class DepthJumpRules:
+    """Rules for depth readings that jump."""
 
     fastest: float = setting(
         5.0,
@@ -54,6 +54,13 @@ class DepthRules:
         "Number of consistent readings in a row that confirm a jump of depth. Raising it delays true corrections.",
         low=1,
     )
+    deepest: float = setting(DEEPEST, "Largest plausible depth. A larger reading is rejected.", unit="m", low=1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class DepthRules(DepthJumpRules):
+    """Rules for depth readings, and for the depth of a survey between them."""
+
     bridge: float = setting(
         60.0,
         "Longest gap of rig data over which the depth is interpolated. In a longer gap a survey gets the last depth "
@@ -62,7 +69,6 @@ class DepthRules:
         unit="s",
         low=0.1,
     )
-    deepest: float = setting(DEEPEST, "Largest plausible depth. A larger reading is rejected.", unit="m", low=1.0)
     clock_limit: float = setting(
         20.0,
         "Largest difference between the clocks of rig and sonde, judged by the order in which their data arrive. "

@@ -18,12 +18,10 @@ import numpy as np
 
 from mwd_estimation.core.north import North
 from mwd_estimation.core.reason_text import text
-from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.survey import AzimuthEstimate, Survey
 from mwd_estimation.survey.tool_code import sensor_errors
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.unknown import or_none
 from mwd_surface.surveys import multi_station_analysis
 from mwd_surface.surveys.leg import Leg
 from mwd_surface.surveys.survey_list import SurveyList
@@ -292,16 +290,8 @@ def _analysed(surveys: SurveyList, code: str) -> tuple[SurveyList, tuple[str, ..
     for (leg, tool), records in runs.items():
         if len(records) < _TOGETHER:
             continue
-        s = records[-1].survey
-        reference = Reference(
-            total=s.b_reference,
-            dip=s.dip_reference,
-            declination=or_none(s.declination),
-            convergence=or_none(s.convergence),
-            gravity=or_none(s.g_reference),
-        )
         force, field = (np.array([getattr(r.survey, name) for r in records]) for name in _READINGS)
-        done = multi_station_analysis.analyse(force, field, reference, errors)
+        done = multi_station_analysis.analyse(force, field, records[-1].survey.reference, errors)
         refused = "" if done.refused is None else text(done.refused)
         run = " ".join(filter(None, (f"leg {leg}", tool)))
         if refused:
