@@ -20,7 +20,7 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.belief import TOOLFACE_LEVEL, Doubt, judge, second_tool
+from mwd_surface.receiver.belief import TOOLFACE_LEVEL, Doubt, judge
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
 from mwd_surface.receiver.pulse import passes, segment, trellis
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
@@ -105,7 +105,6 @@ class ReceivedTransmission:
         self._held: list[ReceivedWord] = []
         self._pending = Reception()
         self.begin, self.score, self.second = position, found.score, 0.0
-        self._two_tools = 0.0
         self.frames = self.base = 0
         self.published = self.sent = False
         self.lost = ""
@@ -211,7 +210,7 @@ class ReceivedTransmission:
         self._missing[0] += float(len(rows) - np.sum(decision.probability * decision.present))
         self._missing[1] += len(rows)
         trusted = self._at_once.learn(soft)
-        if self._at_once.failing > _LOST:
+        if self._at_once.failing > _LOST and self._at_once.two_tools < 0.5:
             self.lost = _PARITIES_FAIL
         provisional = self._held + self._words(now, now.done - len(items), trusted, 0)
         # Words after a doubtful sync are held back until it is confirmed.
@@ -257,8 +256,9 @@ class ReceivedTransmission:
             self._forget(now)
             return
         self._decode_again(now, heard)
-        alone = 1.0 - self._two_tools
-        trusted = [alone * sure for sure in self.doubt.learn([part.soft for part in now.parts])]
+        trusted = self.doubt.learn([part.soft for part in now.parts])
+        # Provisional words of the next pass begin with everything learned so far.
+        self._at_once = copy.deepcopy(self.doubt)
         words = self._words(now, 0, trusted, 1)
         # Retract a word that was shown and then found to have no pulses.
         words = [
@@ -267,9 +267,7 @@ class ReceivedTransmission:
         ]
         ebn0 = float(np.mean([part.ebn0_db for part in heard or now.parts]))
         # A second tool is named if it prevents all words from being believed and is more probable than a wrong table.
-        two = self._two_tools > max(1.0 - TOOLFACE_LEVEL, self.doubt.failing) or self.second > max(
-            _SECOND, _SECOND_SHARE * self.score
-        )
+        two = self.doubt.two_tools > max(1.0 - TOOLFACE_LEVEL, 0.5 * self.doubt.failing)
         reason = _TWO_TOOLS if two else self.lost
         reason = reason or (_PARITIES_FAIL if self.doubt.failing > _DOUBTFUL else "")
         reason = reason or (FADED if len(heard) < len(now.parts) else "")
@@ -315,7 +313,7 @@ class ReceivedTransmission:
             part.probability, part.present = decision.probability[mine], decision.present[mine]
             part.ebn0_db, part.soft = float(decision.ebn0_db[first]), one
         if stretch.sync is not None:
-            self._two_tools = second_tool(*decision.sync, soft)
+            self.doubt.hear_sync(*decision.sync, self.second > max(_SECOND, _SECOND_SHARE * self.score))
 
     def _forget(self, now: Pass) -> None:
         """Remove the words of a decoded sequence; keep those of its pulses that the decoding of later words needs."""
