@@ -100,7 +100,6 @@ class Doubt:
     ----------
     share : float, optional
         Share of the prior probabilities with which the doubt begins.
-
     """
 
     def __init__(self, share: float = 1.0) -> None:
