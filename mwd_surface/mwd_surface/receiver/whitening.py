@@ -2,10 +2,9 @@
 """
 Whitening of noise: an autoregressive model of the pressure that pulses do not explain, and its prediction error filter.
 
-The model describes either the first difference, which removes standpipe pressure and its drift, or the pressure minus
-most of the previous value, which keeps the low frequencies of a steady pressure. Sources: S. M. Kay, Modern Spectral
-Estimation, 1988, section 7.3 (autocorrelation method, Levinson); H. Akaike, A new look at the statistical model
-identification, IEEE Trans. Autom. Control 19 (1974) 716 (order: each coefficient costs one nat).
+The model describes the first difference, which removes standpipe pressure and its drift. Sources: S. M. Kay, Modern
+Spectral Estimation, 1988, section 7.3 (autocorrelation method, Levinson); H. Akaike, A new look at the statistical
+model identification, IEEE Trans. Autom. Control 19 (1974) 716 (order: each coefficient costs one nat).
 """
 
 from __future__ import annotations
@@ -34,7 +33,6 @@ def prediction_error_filter(
     order: int,
     floor: float,
     out: Array,
-    kept: float = 1.0,
     unsure: Array | None = None,
 ) -> float:
     """
@@ -52,8 +50,6 @@ def prediction_error_filter(
         White noise added to the model, as a share of its variance, so that empty bands are not amplified.
     out : ndarray, shape (order + 2,)
         Coefficients of the filter; the first belongs to the newest sample.
-    kept : float
-        Share of the previous sample that is subtracted. Below 1 the noise must have zero mean.
     unsure : ndarray, shape (order + 2,), optional
         Autocorrelation, Pa^2 summed over the samples, of the error of the pulses that were subtracted; it is added to
         the autocorrelation of the noise.
@@ -70,13 +66,13 @@ def prediction_error_filter(
     for i in range(n):
         count += weight[i] * weight[i]
         if i > 0:
-            step[i] = (noise[i] - kept * noise[i - 1]) * weight[i]
+            step[i] = (noise[i] - noise[i - 1]) * weight[i]
     for k in range(order + 1):
         for i in range(1, n - k):
             lags[k] += step[i] * step[i + k]
     if unsure is not None:
         for k in range(order + 1):
-            lags[k] += (1.0 + kept * kept) * unsure[k] - kept * (unsure[abs(k - 1)] + unsure[k + 1])
+            lags[k] += 2.0 * unsure[k] - unsure[abs(k - 1)] - unsure[k + 1]
     out[:] = 0.0
     if count < 2.0 * order or lags[0] <= 0.0:
         return 0.0
@@ -86,7 +82,7 @@ def prediction_error_filter(
     sigma = float(np.sqrt(_predicted(lags, count, best)))
     for i in range(order + 1):
         out[i] += best[i] / sigma
-        out[i + 1] -= kept * best[i] / sigma
+        out[i + 1] -= best[i] / sigma
     return sigma
 
 

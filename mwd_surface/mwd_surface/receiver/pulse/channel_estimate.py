@@ -217,47 +217,6 @@ def spread(pairs: Array, shapes: Array) -> Array:
     return out
 
 
-def uncertainty(u: Array, covariance: Array, shapes: Array) -> float:
-    """
-    Return the variance that an uncertain response adds to the decision between two places one TU apart.
-
-    The unit is the variance of the noise.
-
-    The error of the response multiplies the pulse and, where pulses are weak, the noise. The other place is either the
-    earlier or the later one.
-
-    Parameters
-    ----------
-    u, covariance : ndarray, shapes (c,), (c, c)
-        Posterior mean and covariance of the coefficients.
-    shapes : ndarray, shape (c, m)
-        Whitened components.
-    """
-    count, length = shapes.shape
-    alone = np.zeros((count, length + 2 * SAMPLES_PER_TU))
-    alone[:, SAMPLES_PER_TU : SAMPLES_PER_TU + length] = shapes
-    pulse = u @ alone
-    total = 0.0
-    for other in (0, 2 * SAMPLES_PER_TU):
-        apart = alone.copy()
-        apart[:, other : other + length] -= shapes
-        metric, gram = apart @ pulse, apart @ apart.T
-        total += 0.5 * float(metric @ covariance @ metric + np.sum(gram * covariance))
-    return total / max(float(u @ gram @ u), 1e-300)
-
-
-def sensitivity(response: Array) -> float:
-    """
-    Return the standard deviation, noise being 1, that a timing error of one sample adds to a decision between places.
-
-    response, shape (m,): whitened response.
-    """
-    later = np.pad(response, (SAMPLES_PER_TU, 0))
-    apart = np.pad(response, (0, SAMPLES_PER_TU)) - later
-    slope = np.gradient(later + apart)
-    return float(abs(apart @ slope) / max(float(np.linalg.norm(apart)), 1e-300))
-
-
 @compiled
 def reconstruct(train: Array, response: Array, out: Array) -> None:
     """

@@ -5,7 +5,7 @@ Decoder of a stretch of a transmission: it finds packets and noise together, wit
 It alternates the forward-backward algorithm over the packets with a new noise model. The packets are those of the next
 words or, when a pass of a sequence is complete, those of all its words again, each word being a group. The channel of a
 group is estimated from the sync and the packets before and after the group, never from the pressure of the group
-itself. The uncertainty of the channel is added to the noise.
+itself.
 """
 
 from __future__ import annotations
@@ -31,9 +31,7 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     place_pairs,
     pulse_columns,
     reconstruct,
-    sensitivity,
     spread,
-    uncertainty,
 )
 from mwd_surface.receiver.pump_lines import lines, pump_noise
 from mwd_surface.receiver.whitening import filtered, precision, prediction_error_filter
@@ -42,7 +40,6 @@ from mwd_surface.receiver.whitening import filtered, precision, prediction_error
 # 10 TU, 1 to 2 % more words are lost with pulses of .3 s at 4 km (`other_mud.py`).
 ORDER = 24
 FLOOR = 1e-6
-_KEPT = 0.5  # share of the previous sample that is subtracted before noise modelling where the level is steady
 _ROUNDS = 3
 _LAGS = 20  # largest distance between two possible places of one pulse, TU
 _TAIL = 24  # samples by which whitening lengthens the response
@@ -65,8 +62,6 @@ class ChannelEstimate:
         Standard deviation of the coefficients of its components.
     whitener : ndarray
         Prediction error filter of the noise.
-    stepwise : ndarray
-        The same for a noise model without the level, for a search that does not know the level.
     components : ndarray, shape (c, m)
         Components of the response (`channel_estimate.basis`).
     memory : float
@@ -78,7 +73,6 @@ class ChannelEstimate:
     response: Array
     scale: float
     whitener: Array
-    stepwise: Array
     components: Array
     memory: float
     posterior: tuple[Array, Array] | None = None
@@ -108,9 +102,6 @@ class StretchOnToolClock:
         Probability of each packet value from an earlier decoding.
     angles : ndarray, shape (pumps, n), optional
         Crank angles of pumps with stroke counters, rad.
-    pace_error : float
-        1 sigma of the relative error of the tool's clock: the timing error of a pulse is this times its distance from
-        the pulses that gave the response.
     carried : (ndarray, ndarray), optional
         Coefficients and precision of the response from before an interruption, if too few pulses precede this stretch.
     missing : float
@@ -128,7 +119,6 @@ class StretchOnToolClock:
     parity: int
     probability: Array | None = None
     angles: Array | None = None
-    pace_error: float = 0.0
     carried: tuple[Array, Array] | None = None
     missing: float = MISSING
     sync: tuple[int, int] | None = None
@@ -214,20 +204,18 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     whitened = np.empty(len(stretch.pressure))
     state = dataclasses.replace(channel)
     span = int(stretch.groups[-1, 2])
-    unary, alone, level = np.zeros((count, values)), np.zeros((count, values)), np.ones(count)
+    unary, level = np.zeros((count, values)), np.ones(count)
     common = np.zeros(1)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     even, evidence = np.empty(count), 0.0
-    present, metric, sure = np.ones((count, values)), np.zeros(span), np.ones(count)
-    share = sure
+    present, metric = np.ones((count, values)), np.zeros(span)
     pumps, angles = _pumps(stretch, state, probability)
     for turn in range(_ROUNDS):
         filtered(stretch.pressure - pumps, state.whitener, whitened)
         pulses = probability * present
         train = _train(stretch, pulses)
-        responses, unsure = _estimate(stretch, state, whitened, (weight, train, _places(stretch, pulses)))
+        responses = _estimate(stretch, state, whitened, (weight, train, _places(stretch, pulses)))
         g = _whitened(state.response, state.whitener)
-        sure = 1.0 / (1.0 + unsure + _lateness(stretch, weight * train, sensitivity(g)))
         weight = _weights(stretch, train, g, whitened) if turn > 0 or again else weight
         metric, level = _metric(stretch, responses, state.whitener, (whitened, weight))
         common = common_energy(g, len(g) // SAMPLES_PER_TU)
@@ -236,28 +224,19 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
         shared = np.empty((count, values))
         trellis.mean_interference(packets, others[near], stretch.pulses[near, 1], common, level, pulses, False, shared)
         alone = metric[trellis.places_of(packets)] - shared
-        # The errors of the model lower the confidence of words. They do not lower the evidence, nor the probabilities
-        # of places while the response is known from a few pulses: a weak sync would then never teach it. A likelihood
-        # ratio with an estimated response is still one, so noise does not pass for pulses more often.
-        share = sure if again else np.ones(count)
-        unary, present = _unary(stretch, alone, common, (level, share), pulses)
-        trellis.forward_backward(packets, unary, common, share * level, stretch.parity, forward, backward)
+        unary, present = _unary(stretch, alone, common, level, pulses)
+        trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
         evidence = trellis.marginals(packets, forward, backward, probability, even)
         if not (again and turn == _ROUNDS - 1):
             pumps = _new_noise(stretch, probability * present, state, (weight, angles))
-    if not again:
-        unary, _ = _unary(stretch, alone, common, (level, sure), probability * present)
-    # As the evidence, this is lowered only where `share` is.
-    expected_level = share * level
-    level = sure * level
-    fits = _fits(stretch, metric, sure, common, level, probability * present)
+    fits = _fits(stretch, metric, common, level, probability * present)
     g = _whitened(state.response, state.whitener)
     members = stretch.members()
     ways = [trellis.log_ways(packets[mine]) for mine in members]
     counts = np.array([mine.stop - mine.start for mine in members])
     ebn0 = 10.0 * np.log10(np.maximum(float(g @ g) * counts * math.log(2.0) / (2.0 * np.array(ways)), 1e-6))
-    # A pulse at its true place has a metric of half its energy, reduced where samples or response are uncertain.
-    expected = 0.5 * float(g @ g * expected_level.sum()) - sum(ways)
+    # A pulse at its true place has a metric of half its energy, reduced where samples are unknown.
+    expected = 0.5 * float(g @ g * level.sum()) - sum(ways)
     timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability * present, state, weight, pumps)
     return DecodedStretch(
         *(unary, level, common, probability, present, fits, state, stretch.per_packet(ebn0), timing),
@@ -267,22 +246,20 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
 
 
 def _unary(
-    stretch: StretchOnToolClock, alone: Array, common: Array, weights: tuple[Array, Array], pulses: Array
+    stretch: StretchOnToolClock, alone: Array, common: Array, level: Array, pulses: Array
 ) -> tuple[Array, Array]:
     """
     Return the metric of each value of the packets, and `present` as in `DecodedStretch`.
 
-    alone: metrics without the energy shared with pulses that are not those of the packets before and after; weights:
-    weight of the data around each packet, and the share of the metric that counts; pulses: expected number of pulses at
-    each place of each packet.
+    alone: metrics without the energy shared with pulses that are not those of the packets before and after; level:
+    weight of the data around each packet; pulses: expected number of pulses at each place of each packet.
     """
-    packets, (level, share) = stretch.packets, weights
-    unary = share[:, None] * alone
+    packets = stretch.packets
     if packets[0, trellis.RISING]:
-        return unary, np.ones_like(unary)
-    beside, none = np.empty_like(unary), np.empty(0)
-    trellis.mean_interference(packets, none, none, common, share * level, pulses, True, beside)
-    unary, present = _any_pulses(packets, unary - beside, common, share * level, stretch.missing)
+        return alone, np.ones_like(alone)
+    beside, none = np.empty_like(alone), np.empty(0)
+    trellis.mean_interference(packets, none, none, common, level, pulses, True, beside)
+    unary, present = _any_pulses(packets, alone - beside, common, level, stretch.missing)
     return unary + beside, present
 
 
@@ -346,7 +323,7 @@ def _edges(stretch: StretchOnToolClock, span: int, beyond: int, pulses: Array) -
     return edges
 
 
-def _fits(stretch: StretchOnToolClock, metric: Array, sure: Array, common: Array, level: Array, pulses: Array) -> Array:
+def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Array, pulses: Array) -> Array:
     """
     Return `fits` of `DecodedStretch`; NaN for a combinatorial word, whose windows overlap.
 
@@ -354,8 +331,7 @@ def _fits(stretch: StretchOnToolClock, metric: Array, sure: Array, common: Array
     and the gap behind it; two of half the size if the response was estimated from syncs that two tools sent together.
     Without any pulse both have the same likelihood, so silence is no evidence for or against the table.
 
-    metric: metric of a single pulse at each TU; sure: share of the metric that is used, for each packet; pulses:
-    expected number of pulses at each place of each packet.
+    metric: metric of a single pulse at each TU; pulses: expected number of pulses at each place of each packet.
     """
     packets, missing = stretch.packets, stretch.missing
     if packets[0, trellis.RISING]:
@@ -368,7 +344,7 @@ def _fits(stretch: StretchOnToolClock, metric: Array, sure: Array, common: Array
     shared = np.convolve(edges, np.concatenate([common[:0:-1], common]), mode="same")[len(common) :]
     gap = np.minimum(np.abs(at[:, :, None] - trellis.places_of(packets)[:, None, :]), len(common) - 1)
     own = np.sum(pulses[:, None, :] * common[gap], axis=2)
-    unary = sure[:, None] * metric[at] - level[:, None] * (shared[at] - own)
+    unary = metric[at] - level[:, None] * (shared[at] - own)
     here = each < size
     inside = _log_sum(np.where(each < size - GAP_TU, unary, -np.inf)) - np.log(size[:, 0] - GAP_TU)
     free = [_log_sum(np.where(here, unary, -np.inf)) - np.log(size[:, 0])]
@@ -418,7 +394,7 @@ def _whitened(response: Array, whitener: Array) -> Array:
 
 def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Array) -> tuple[Array, Array]:
     """
-    Return the sum of level and pump noise, Pa, of a stretch without the pulses known so far, and the angles to use.
+    Return the pump noise, Pa, of a stretch without the pulses known so far, and the angles to use.
 
     The angles, shape (pumps, n), are those of the stretch if they help to predict the pump noise, else shape (0, n).
     """
@@ -427,25 +403,19 @@ def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Arr
     noise = stretch.pressure - explained
     pumps, counted = pump_noise(noise, stretch.known, state.memory, stretch.angles)
     none = np.zeros((0, len(noise)))
-    return pumps + _level(noise, stretch.known), stretch.angles if counted and stretch.angles is not None else none
+    return pumps, stretch.angles if counted and stretch.angles is not None else none
 
 
 def _estimate(
     stretch: StretchOnToolClock, state: ChannelEstimate, whitened: Array, pulses: tuple[Array, Array, Array]
-) -> tuple[Array, Array]:
+) -> Array:
     """
-    Estimate the response from the pulses around each group; `state` receives the mean of these estimates.
+    Return the response for each group, Pa, shape (g, m); `state` receives the mean of these estimates.
 
-    The pressure of the group itself is not used, because a response estimated from its own decisions confirms them.
+    The response is estimated from the pulses around the group. The pressure of the group itself is not used, because a
+    response estimated from its own decisions confirms them.
+
     pulses: weight of each sample, expected number of edges at each sample, and places of the pulses.
-
-    Returns
-    -------
-    ndarray, shape (g, m)
-        Response for each group, Pa.
-    ndarray, shape (k,)
-        Variance that the errors of the response and of the noise model add to the decision on each packet, in units of
-        the noise.
     """
     weight, train, places = pulses
     shapes = np.array([_whitened(one, state.whitener) for one in state.components])
@@ -457,7 +427,7 @@ def _estimate(
         others = weight.copy()
         others[own] = 0.0
         place_pairs(places, others, one)
-    found, scales, matrices, unsure = [], [], [], []
+    found, scales, matrices = [], [], []
     for own, unplaced in zip(owns, spread(pairs, shapes), strict=True):
         matrix, right = (
             a - b for a, b in zip(whole, _equations(columns[own], whitened[own], weight[own]), strict=True)
@@ -467,17 +437,15 @@ def _estimate(
             lacking = max(1.0 - float(used.sum() - used[own].sum()) / _ENOUGH, 0.0)
             matrix += lacking * stretch.carried[1]
             right += lacking * stretch.carried[1] @ stretch.carried[0]
-        _, _, covariance = coefficients(matrix, right, state.scale)
         # The unknown places of pulses enlarge the covariance, so that such pulses do not sharpen the response.
         u, scale, _ = coefficients(matrix + unplaced, right, state.scale)
         found.append(u)
         scales.append(scale)
         matrices.append(matrix)
-        unsure.append(uncertainty(u, covariance, shapes) + _unknown_noise(state.whitener, weight))
     mean = np.mean(found, axis=0)
     state.response, state.scale = mean @ state.components, float(np.mean(scales))
     state.posterior = mean, np.mean(matrices, axis=0)
-    return np.array(found) @ state.components, stretch.per_packet(unsure)
+    return np.array(found) @ state.components
 
 
 def _sync_size(
@@ -526,33 +494,6 @@ def _equations(columns: Array, whitened: Array, weight: Array) -> tuple[Array, A
     return matrix, right
 
 
-def _unknown_noise(whitener: Array, weight: Array) -> float:
-    """
-    Return the variance that the error of the noise model adds to a decision, in units of the noise.
-
-    A spectrum from an autoregressive model of p coefficients and n samples has the relative variance v = 2 p / n (K. N.
-    Berk, Ann. Stat. 2 (1974) 489). A metric weighted by its inverse has a mean larger by 1 + v and a variance larger by
-    1 + 3 v.
-    """
-    used = max(int(np.count_nonzero(whitener)) - 2, 0)
-    return 4.0 * used / max(float(weight.sum()), 1.0)
-
-
-def _lateness(stretch: StretchOnToolClock, train: Array, each: float) -> Array:
-    """
-    Return the variance that the clock error adds to the decision on each packet, in units of the noise; shape (k,).
-
-    train: weights of the known pulses; each: standard deviation that a timing error of one sample adds to a decision.
-    """
-    middles = []
-    for own in stretch.own():
-        others = train.copy()
-        others[own] = 0.0
-        middles.append(float(others @ np.arange(len(others))) / max(float(others.sum()), 1e-300))
-    at = stretch.start + SAMPLES_PER_TU * (stretch.packets[:, trellis.START] + 0.5 * stretch.packets[:, trellis.COUNT])
-    return np.asarray((each * stretch.pace_error * (at - stretch.per_packet(middles))) ** 2)
-
-
 def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Array) -> Array:
     """Return the weight of each sample: small where the noise is large, 0 where the sample is unknown."""
     explained = np.empty(len(train))
@@ -562,7 +503,7 @@ def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Arra
 
 def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, known: tuple[Array, Array]) -> Array:
     """
-    Fit the noise model to the pressure without pulses and pumps; return the level and pump noise.
+    Fit the noise model to the pressure without pulses and pumps; return the pump noise.
 
     known: weight of each sample, and the crank angles to use.
     """
@@ -570,15 +511,11 @@ def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimat
     explained = np.empty(len(weight))
     reconstruct(_train(stretch, pulses), state.response, explained)
     residual = stretch.pressure - explained
-    background = lines(residual, weight, state.memory, angles) + _level(residual, weight)
+    background = lines(residual, weight, state.memory, angles)
     residual -= background
-    root, stepwise, level = np.sqrt(weight), np.empty(ORDER + 2), np.empty(ORDER + 2)
-    unsure = _unsure(_places(stretch, pulses), state.response, weight)
-    unexpected = prediction_error_filter(residual, root, ORDER, FLOOR, stepwise, 1.0, unsure)
-    if unexpected > 0.0:
-        # Use the better predictor of the two: if the level drifts or steps, the predictor with the level is worse.
-        steady = prediction_error_filter(residual, root, ORDER, FLOOR, level, _KEPT, unsure) < unexpected
-        state.stepwise, state.whitener = stepwise, level if steady else stepwise
+    taps, unsure = np.empty(ORDER + 2), _unsure(_places(stretch, pulses), state.response, weight)
+    if prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, taps, unsure) > 0.0:
+        state.whitener = taps
     return background
 
 
@@ -597,11 +534,6 @@ def _unsure(places: Array, response: Array, weight: Array) -> Array:
     lags, apart = np.arange(ORDER + 2), SAMPLES_PER_TU * np.arange(_LAGS)[:, None]
     common = np.correlate(np.pad(response, (0, int(lags[-1] + apart[-1, 0]))), response)
     return np.asarray(2.0 * pairs.sum() * common[lags] - pairs @ (common[lags + apart] + common[np.abs(lags - apart)]))
-
-
-def _level(noise: Array, weight: Array) -> float:
-    """Return the weighted mean, Pa, of a pressure without its pulses."""
-    return float(weight @ noise) / max(float(weight.sum()), 1e-300)
 
 
 def _timing(

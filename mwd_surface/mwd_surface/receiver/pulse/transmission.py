@@ -92,7 +92,7 @@ class ReceivedTransmission:
         # The search uses fewer components than the estimate: spread the same total variance over more.
         memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
         self._channel = segment.ChannelEstimate(
-            response, found.scale, whitener, whitener, basis(len(response), tool.tu_s), memory
+            response, found.scale, whitener, basis(len(response), tool.tu_s), memory
         )
         self._at_once, self.doubt = copy.deepcopy(doubt), doubt
         self.presence = Presence(found.score)
@@ -447,9 +447,8 @@ class ReceivedTransmission:
         window = min(_HISTORY_TU, heard) + length
         overlap = None if heard <= _HISTORY_TU else window / length
         drift, variance, middle = decision.timing
-        self._clock, change = self._clock.followed((drift, variance, start + middle), overlap)
-        # An error of half a sample at the ends of the window blurs the channel: decode again with the better clock.
-        return self._decode_once(rows, length, start) if abs(change) * SAMPLES_PER_TU * window > 0.5 else decision
+        self._clock = self._clock.followed((drift, variance, start + middle), overlap)
+        return decision
 
     def _decode_once(self, rows: Indices, length: int, start: int) -> segment.DecodedStretch:
         return segment.decode(self._stretch(rows, np.array([[0, 0, length + _AFTER_TU]]), start), self._channel)
@@ -476,7 +475,6 @@ class ReceivedTransmission:
             self._parity,
             probability,
             self._grid.angles(self._clock.at(begin), self._clock.pace, count),
-            math.sqrt(self._clock.variance),
             self._carried,
             min(self._missing[0] / self._missing[1], _MOST_MISSING),
         )
@@ -519,15 +517,9 @@ class ToolClock:
         """Relative error of the tool's clock; at 1e-3 the tool sends 0.1 % slower."""
         return self.pace * SAMPLES_PER_TU / STEPS_PER_TU - 1.0
 
-    def turned(self, middle: float, change: float) -> ToolClock:
-        """Return the clock with its pace changed by a share, keeping the position of the sample `middle`."""
-        return dataclasses.replace(
-            self, start=self.start - middle * self.pace * change, pace=self.pace * (1.0 + change)
-        )
-
-    def followed(self, timing: tuple[float, float, float], overlap: float | None) -> tuple[ToolClock, float]:
+    def followed(self, timing: tuple[float, float, float], overlap: float | None) -> ToolClock:
         """
-        Return the clock after a measurement, and the relative change of its pace.
+        Return the clock after a measurement.
 
         Parameters
         ----------
@@ -545,7 +537,8 @@ class ToolClock:
             gain = prior / (prior + variance * overlap)
             error, left = self.error + gain * drift, prior * (1.0 - gain)
         change = error - self.error
-        return dataclasses.replace(self.turned(middle, change), variance=left), change
+        # The position of the sample `middle` stays.
+        return ToolClock(self.start - middle * self.pace * change, self.pace * (1.0 + change), left)
 
 
 def _from_all(measured: float, variance: float) -> tuple[float, float]:
