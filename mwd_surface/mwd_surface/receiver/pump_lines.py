@@ -192,8 +192,8 @@ def pump_noise(
         return plain, False
     # If the counter has jitter, or the pumps beat, subtraction with the strokes can be worse than without them.
     counted = lines(noise, known, memory, angles)
-    taps, root = np.empty(_ORDER + 2), np.sqrt(known)
-    unexplained = [prediction_error_filter(noise - one, root, _ORDER, _FLOOR, taps) for one in (plain, counted)]
+    root = np.sqrt(known)
+    unexplained = [prediction_error_filter(noise - one, root, _ORDER, _FLOOR)[1] for one in (plain, counted)]
     # The fitted harmonics also follow noise; estimate the share of its variance that their coefficients explain.
     fitted = 2.0 * _MOST_HARMONICS * len(angles) * len(noise) / (2.0 * math.sqrt(math.pi) * _STROKES_HOLD * memory)
     share = 1.0 - min(fitted / max(float(known.sum()), 1.0), 0.5)

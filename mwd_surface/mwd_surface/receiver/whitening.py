@@ -32,11 +32,10 @@ def prediction_error_filter(
     weight: Array,
     order: int,
     floor: float,
-    out: Array,
     unsure: Array | None = None,
-) -> float:
+) -> tuple[Array, float]:
     """
-    Fill the filter that turns noise into white noise of unit variance.
+    Return the filter that turns noise into white noise of unit variance, and the size of the noise.
 
     Parameters
     ----------
@@ -48,14 +47,14 @@ def prediction_error_filter(
         Highest order of the autoregressive model of the difference.
     floor : float
         White noise added to the model, as a share of its variance, so that empty bands are not amplified.
-    out : ndarray, shape (order + 2,)
-        Coefficients of the filter; the first belongs to the newest sample.
     unsure : ndarray, shape (order + 2,), optional
         Autocorrelation, Pa^2 summed over the samples, of the error of the pulses that were subtracted; it is added to
         the autocorrelation of the noise.
 
     Returns
     -------
+    ndarray, shape (order + 2,)
+        Coefficients of the filter; the first belongs to the newest sample.
     float
         Standard deviation of the innovation, Pa; 0 if the noise is constant or has too few samples for `order`.
     """
@@ -73,9 +72,9 @@ def prediction_error_filter(
     if unsure is not None:
         for k in range(order + 1):
             lags[k] += 2.0 * unsure[k] - unsure[abs(k - 1)] - unsure[k + 1]
-    out[:] = 0.0
+    out = np.zeros(order + 2)
     if count < 2.0 * order or lags[0] <= 0.0:
-        return 0.0
+        return out, 0.0
     lags /= count
     lags[0] *= 1.0 + floor
     best = np.zeros(order + 1)
@@ -83,7 +82,7 @@ def prediction_error_filter(
     for i in range(order + 1):
         out[i] += best[i] / sigma
         out[i + 1] -= best[i] / sigma
-    return sigma
+    return out, sigma
 
 
 @compiled
@@ -113,13 +112,15 @@ def _predicted(lags: Array, count: float, best: Array) -> float:
 
 
 @compiled
-def filtered(x: Array, taps: Array, out: Array) -> None:
-    """Apply a causal filter and fill out, shape (n,). Before its first sample x counts as constant."""
+def filtered(x: Array, taps: Array) -> Array:
+    """Return x, shape (n,), after a causal filter. Before its first sample x counts as constant."""
+    out = np.empty(len(x))
     for i in range(len(x)):
         total = 0.0
         for k in range(len(taps)):
             total += taps[k] * x[max(i - k, 0)]
         out[i] = total
+    return out
 
 
 def steadiness(noise: Array, known: Array) -> Array:
@@ -224,12 +225,12 @@ def steady_filter(pressure: Array, known: Array, order: int, floor: float) -> Ar
     ndarray, shape (order + 2,), or None
         None if the pressure is constant or mostly unknown.
     """
-    taps, whitened = np.empty(order + 2), np.empty(len(pressure))
     # A starting pump outweighs all steady noise; without this weighting the first model would describe the pump.
     weight = steadiness(np.diff(pressure, prepend=pressure[:1]), known)
     for _ in range(_ROUNDS):
-        if prediction_error_filter(pressure, weight, order, floor, taps) <= 0.0:
+        taps, size = prediction_error_filter(pressure, weight, order, floor)
+        if size <= 0.0:
             return None
-        filtered(pressure, taps, whitened)
+        whitened = filtered(pressure, taps)
         weight = steadiness(whitened, known)
     return np.asarray(taps / np.sqrt(np.sum(weight * whitened**2) / np.sum(weight)))

@@ -23,6 +23,7 @@ from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_surface.receiver.pulse import trellis
 from mwd_surface.receiver.pulse.channel_estimate import (
     BEFORE,
+    LAGS,
     SAMPLES_PER_TU,
     coefficients,
     common_energy,
@@ -41,7 +42,6 @@ from mwd_surface.receiver.whitening import filtered, precision, prediction_error
 ORDER = 24
 FLOOR = 1e-6
 _ROUNDS = 3
-_LAGS = 20  # largest distance between two possible places of one pulse, TU
 _TAIL = 24  # samples by which whitening lengthens the response
 _FEW = 1e-4  # expected number of pulses at a place below which they do not count
 # Prior probability that the pulse of a packet is missing, and probability that its window holds a second pulse.
@@ -201,17 +201,12 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     weight, again = stretch.known.copy(), stretch.probability is not None
     probability = trellis.uniform(packets) if stretch.probability is None else stretch.probability.copy()
     values = trellis.values_of(packets)
-    whitened = np.empty(len(stretch.pressure))
     state = dataclasses.replace(channel)
     span = int(stretch.groups[-1, 2])
-    unary, level = np.zeros((count, values)), np.ones(count)
-    common = np.zeros(1)
-    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
-    even, evidence = np.empty(count), 0.0
-    present, metric = np.ones((count, values)), np.zeros(span)
+    present = np.ones((count, values))
     pumps, angles = _pumps(stretch, state, probability)
     for turn in range(_ROUNDS):
-        filtered(stretch.pressure - pumps, state.whitener, whitened)
+        whitened = filtered(stretch.pressure - pumps, state.whitener)
         pulses = probability * present
         train = _train(stretch, pulses)
         responses = _estimate(stretch, state, whitened, (weight, train, _places(stretch, pulses)))
@@ -221,12 +216,12 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
         common = common_energy(g, len(g) // SAMPLES_PER_TU)
         others = np.round((stretch.pulses[:, 0] - stretch.start) / SAMPLES_PER_TU)
         near = (others > -len(common)) & (others < span + len(common))
-        shared = np.empty((count, values))
-        trellis.mean_interference(packets, others[near], stretch.pulses[near, 1], common, level, pulses, False, shared)
+        known = others[near], stretch.pulses[near, 1]
+        shared = trellis.mean_interference(packets, *known, common, level, pulses, False)
         alone = metric[trellis.places_of(packets)] - shared
         unary, present = _unary(stretch, alone, common, level, pulses)
-        trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
-        evidence = trellis.marginals(packets, forward, backward, probability, even)
+        sums = trellis.forward_backward(packets, unary, common, level, stretch.parity)
+        probability, _, evidence = trellis.marginals(packets, *sums)
         if not (again and turn == _ROUNDS - 1):
             pumps = _new_noise(stretch, probability * present, state, (weight, angles))
     fits = _fits(stretch, metric, common, level, probability * present)
@@ -257,8 +252,8 @@ def _unary(
     packets = stretch.packets
     if packets[0, trellis.RISING]:
         return alone, np.ones_like(alone)
-    beside, none = np.empty_like(alone), np.empty(0)
-    trellis.mean_interference(packets, none, none, common, level, pulses, True, beside)
+    none = np.empty(0)
+    beside = trellis.mean_interference(packets, none, none, common, level, pulses, True)
     unary, present = _any_pulses(packets, alone - beside, common, level, stretch.missing)
     return unary + beside, present
 
@@ -274,8 +269,7 @@ def _metric(
     metric, level = np.zeros(int(stretch.groups[-1, 2])), np.ones(len(stretch.packets))
     for (_, begin, end), mine, response in zip(stretch.groups, stretch.members(), responses, strict=True):
         g = _whitened(response, whitener)
-        out, energy = np.empty(end - begin), np.empty(end - begin)
-        matched(*data, g, stretch.start + SAMPLES_PER_TU * int(begin), out, energy)
+        out, energy = matched(*data, g, stretch.start + SAMPLES_PER_TU * int(begin), int(end - begin))
         metric[begin:end] = out - 0.5 * energy
         middle = stretch.packets[mine, trellis.START] + stretch.packets[mine, trellis.COUNT] // 2 - begin
         level[mine] = np.clip(energy[middle] / max(float(g @ g), 1e-300), 0.0, 1.0)
@@ -398,9 +392,7 @@ def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Arr
 
     The angles, shape (pumps, n), are those of the stretch if they help to predict the pump noise, else shape (0, n).
     """
-    explained = np.empty(len(stretch.pressure))
-    reconstruct(_train(stretch, probability), state.response, explained)
-    noise = stretch.pressure - explained
+    noise = stretch.pressure - reconstruct(_train(stretch, probability), state.response)
     pumps, counted = pump_noise(noise, stretch.known, state.memory, stretch.angles)
     none = np.zeros((0, len(noise)))
     return pumps, stretch.angles if counted and stretch.angles is not None else none
@@ -419,18 +411,17 @@ def _estimate(
     """
     weight, train, places = pulses
     shapes = np.array([_whitened(one, state.whitener) for one in state.components])
-    columns = np.empty((len(train), len(shapes)))
-    pulse_columns(train, shapes, columns)
-    whole = _equations(columns, whitened, weight)
-    pairs, owns = np.empty((len(stretch.groups), _LAGS)), stretch.own()
-    for own, one in zip(owns, pairs, strict=True):
+    columns = pulse_columns(train, shapes)
+    whole = normal_equations(columns, whitened, weight)
+    pairs, owns = [], stretch.own()
+    for own in owns:
         others = weight.copy()
         others[own] = 0.0
-        place_pairs(places, others, one)
+        pairs.append(place_pairs(places, others))
     found, scales, matrices = [], [], []
-    for own, unplaced in zip(owns, spread(pairs, shapes), strict=True):
+    for own, unplaced in zip(owns, spread(np.array(pairs), shapes), strict=True):
         matrix, right = (
-            a - b for a, b in zip(whole, _equations(columns[own], whitened[own], weight[own]), strict=True)
+            a - b for a, b in zip(whole, normal_equations(columns[own], whitened[own], weight[own]), strict=True)
         )
         if stretch.carried is not None:
             used = train * (weight > 0.0)
@@ -468,13 +459,11 @@ def _sync_size(
     sync, mine = np.zeros(len(whitened)), (places >= here.start) & (places < here.stop)
     np.add.at(sync, places[mine], stretch.pulses[mine, 1])
     shapes = np.array([_whitened(one, state.whitener) for one in state.components])
-    columns, of_sync = np.empty((2, len(whitened), len(shapes)))
-    pulse_columns(_train(stretch, pulses), shapes, columns)
-    pulse_columns(sync, shapes, of_sync)
-    others, pairs = weight.copy(), np.empty(_LAGS)
+    columns, of_sync = pulse_columns(_train(stretch, pulses), shapes), pulse_columns(sync, shapes)
+    others = weight.copy()
     others[here] = 0.0
-    place_pairs(_places(stretch, pulses), others, pairs)
-    matrix, right = _equations(columns, whitened, others)
+    pairs = place_pairs(_places(stretch, pulses), others)
+    matrix, right = normal_equations(columns, whitened, others)
     u, _, covariance = coefficients(matrix + spread(pairs, shapes), right, state.scale)
     expected = of_sync[here] @ u
     rest = whitened[here] - (columns[here] - of_sync[here]) @ u
@@ -486,19 +475,9 @@ def _sync_size(
     return float(weighted @ rest) / power, math.sqrt(1.0 / power + float(error @ covariance @ error) / power**2)
 
 
-def _equations(columns: Array, whitened: Array, weight: Array) -> tuple[Array, Array]:
-    """Return the normal equations of the coefficients."""
-    count = columns.shape[1]
-    matrix, right = np.empty((count, count)), np.empty(count)
-    normal_equations(columns, whitened, weight, matrix, right)
-    return matrix, right
-
-
 def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Array) -> Array:
     """Return the weight of each sample: small where the noise is large, 0 where the sample is unknown."""
-    explained = np.empty(len(train))
-    reconstruct(train, g, explained)
-    return precision(whitened - explained, stretch.known)
+    return precision(whitened - reconstruct(train, g), stretch.known)
 
 
 def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, known: tuple[Array, Array]) -> Array:
@@ -508,14 +487,12 @@ def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimat
     known: weight of each sample, and the crank angles to use.
     """
     weight, angles = known
-    explained = np.empty(len(weight))
-    reconstruct(_train(stretch, pulses), state.response, explained)
-    residual = stretch.pressure - explained
+    residual = stretch.pressure - reconstruct(_train(stretch, pulses), state.response)
     background = lines(residual, weight, state.memory, angles)
     residual -= background
-    taps, unsure = np.empty(ORDER + 2), _unsure(_places(stretch, pulses), state.response, weight)
-    if prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, taps, unsure) > 0.0:
-        state.whitener = taps
+    unsure = _unsure(_places(stretch, pulses), state.response, weight)
+    taps, size = prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, unsure)
+    state.whitener = taps if size > 0.0 else state.whitener
     return background
 
 
@@ -529,9 +506,8 @@ def _unsure(places: Array, response: Array, weight: Array) -> Array:
 
     places: as `StretchOnToolClock.pulses`.
     """
-    pairs = np.empty(_LAGS)
-    place_pairs(places, weight, pairs)
-    lags, apart = np.arange(ORDER + 2), SAMPLES_PER_TU * np.arange(_LAGS)[:, None]
+    pairs = place_pairs(places, weight)
+    lags, apart = np.arange(ORDER + 2), SAMPLES_PER_TU * np.arange(LAGS)[:, None]
     common = np.correlate(np.pad(response, (0, int(lags[-1] + apart[-1, 0]))), response)
     return np.asarray(2.0 * pairs.sum() * common[lags] - pairs @ (common[lags + apart] + common[np.abs(lags - apart)]))
 
@@ -550,19 +526,15 @@ def _timing(
     train = _train(stretch, probability)
     g = _whitened(state.response, state.whitener)
     slope = np.gradient(g)
-    whitened, explained = np.empty(len(train)), np.empty(len(train))
-    filtered(stretch.pressure - pumps, state.whitener, whitened)
-    reconstruct(train, g, explained)
-    rest = whitened - explained
+    rest = filtered(stretch.pressure - pumps, state.whitener) - reconstruct(train, g)
     count = float(train.sum())
     if count < 6.0:
         return 0.0, 1.0, 0.0
     at = np.arange(len(train), dtype=float)
     middle = float(train @ at) / count
     # Delaying a response by tau changes it by -tau times its slope; tau is a constant plus a drift.
-    late, drifting = np.empty(len(train)), np.empty(len(train))
-    reconstruct(train, -slope, late)
-    reconstruct(np.where(train > _FEW, train * (at - middle), 0.0), -slope, drifting)
+    late = reconstruct(train, -slope)
+    drifting = reconstruct(np.where(train > _FEW, train * (at - middle), 0.0), -slope)
     both, right = float(late @ (weight * drifting)), float(drifting @ (weight * rest))
     own, other = float(drifting @ (weight * drifting)), float(late @ (weight * late))
     if own * other <= both * both:

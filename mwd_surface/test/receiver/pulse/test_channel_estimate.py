@@ -30,8 +30,7 @@ def test_places_that_the_noise_chose_do_not_enlarge_the_response():
     places = np.array([BEFORE, BEFORE + SAMPLES_PER_TU])
     sent = np.zeros((2, length + SAMPLES_PER_TU))
     sent[0, :length] = sent[1, SAMPLES_PER_TU:] = u @ shapes
-    matrix, right, pairs = np.empty((len(u), len(u))), np.empty(len(u)), np.empty(4)
-    weight, columns = np.ones(sent.shape[1]), np.empty((sent.shape[1], len(u)))
+    weight = np.ones(sent.shape[1])
     chosen, blurred = [], []
     for trial in range(4000):
         pressure = sent[trial % 2] + random.normal(size=sent.shape[1])
@@ -39,9 +38,8 @@ def test_places_that_the_noise_chose_do_not_enlarge_the_response():
         chance = np.array([1.0, np.exp(odds)]) / (1.0 + np.exp(odds))
         train = np.zeros(len(weight))
         train[places] = chance
-        pulse_columns(train, shapes, columns)
-        normal_equations(columns, pressure, weight, matrix, right)
-        place_pairs(np.column_stack([places, chance, [0.0, 0.0]]), weight, pairs)
+        matrix, right = normal_equations(pulse_columns(train, shapes), pressure, weight)
+        pairs = place_pairs(np.column_stack([places, chance, [0.0, 0.0]]), weight)
         chosen.append(u @ (right - matrix @ u))
         blurred.append(u @ spread(pairs, shapes) @ u)
     bias = np.subtract(chosen, blurred)

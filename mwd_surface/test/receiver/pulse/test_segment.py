@@ -27,8 +27,7 @@ def decoded(seed, ebn0_db, hidden=0.0):
     train[[*places[:, 0].astype(int), *(START + SAMPLES_PER_TU * sent)]] = 1.0
     response = np.zeros(response_length(TOOL.tu_s))
     response[BEFORE : BEFORE + 2 * SAMPLES_PER_TU] = 1.0
-    pressure = np.empty(len(train))
-    reconstruct(train, response, pressure)
+    pressure = reconstruct(train, response)
     bits = rows[:, trellis.BITS].sum() / len(rows)
     pressure += random.normal(size=len(train)) * np.sqrt(2 * SAMPLES_PER_TU / bits / 2.0 / 10.0 ** (ebn0_db / 10.0))
     known = np.ones(len(train))
