@@ -197,29 +197,24 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     channel : ChannelEstimate
         Estimate to start from.
     """
-    packets, count = stretch.packets, len(stretch.packets)
+    packets, places = stretch.packets, trellis.places_of(stretch.packets)
     weight, again = stretch.known.copy(), stretch.probability is not None
     probability = trellis.uniform(packets) if stretch.probability is None else stretch.probability.copy()
-    values = trellis.values_of(packets)
     state = dataclasses.replace(channel)
-    span = int(stretch.groups[-1, 2])
-    present = np.ones((count, values))
+    present = np.ones(places.shape)
     pumps, angles = _pumps(stretch, state, probability)
     for turn in range(_ROUNDS):
         whitened = filtered(stretch.pressure - pumps, state.whitener)
         pulses = probability * present
         train = _train(stretch, pulses)
-        responses = _estimate(stretch, state, whitened, (weight, train, _places(stretch, pulses)))
+        responses = _estimate(stretch, state, whitened, (weight, train, _all_pulses(stretch, pulses)))
         g = _whitened(state.response, state.whitener)
         weight = _weights(stretch, train, g, whitened) if turn > 0 or again else weight
         metric, level = _metric(stretch, responses, state.whitener, (whitened, weight))
         common = common_energy(g, len(g) // SAMPLES_PER_TU)
-        others = np.round((stretch.pulses[:, 0] - stretch.start) / SAMPLES_PER_TU)
-        near = (others > -len(common)) & (others < span + len(common))
-        known = others[near], stretch.pulses[near, 1]
-        shared = trellis.mean_interference(packets, *known, common, level, pulses, False)
-        alone = metric[trellis.places_of(packets)] - shared
-        unary, present = _unary(stretch, alone, common, level, pulses)
+        far, beside = shared_energy(stretch, places, common, pulses)
+        unary = metric[places] - level[:, None] * far
+        unary, present = _any_pulses(stretch, unary, level[:, None] * beside, common, level)
         sums = trellis.forward_backward(packets, unary, common, level, stretch.parity)
         probability, _, evidence = trellis.marginals(packets, *sums)
         if not (again and turn == _ROUNDS - 1):
@@ -238,24 +233,6 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
         *(evidence - sum(ways), expected, stretch.per_packet(_disturbed(stretch, weight))),
         _sync_size(stretch, probability * present, state, weight, whitened),
     )
-
-
-def _unary(
-    stretch: StretchOnToolClock, alone: Array, common: Array, level: Array, pulses: Array
-) -> tuple[Array, Array]:
-    """
-    Return the metric of each value of the packets, and `present` as in `DecodedStretch`.
-
-    alone: metrics without the energy shared with pulses that are not those of the packets before and after; level:
-    weight of the data around each packet; pulses: expected number of pulses at each place of each packet.
-    """
-    packets = stretch.packets
-    if packets[0, trellis.RISING]:
-        return alone, np.ones_like(alone)
-    none = np.empty(0)
-    beside = trellis.mean_interference(packets, none, none, common, level, pulses, True)
-    unary, present = _any_pulses(packets, alone - beside, common, level, stretch.missing)
-    return unary + beside, present
 
 
 def _metric(
@@ -281,23 +258,28 @@ def _disturbed(stretch: StretchOnToolClock, weight: Array) -> Array:
     return np.array([1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own]))) for own in stretch.own()])
 
 
-def _any_pulses(packets: Indices, unary: Array, common: Array, level: Array, missing: float) -> tuple[Array, Array]:
+def _any_pulses(
+    stretch: StretchOnToolClock, unary: Array, beside: Array, common: Array, level: Array
+) -> tuple[Array, Array]:
     """
     Return metrics that allow for missing and second pulses, and `present` as in `DecodedStretch`.
 
-    unary: metrics without the energy shared with any other packet. The windows of a combinatorial word overlap, so this
-    does not apply to that code.
+    unary: metrics without the energy shared with pulses that are not beside; beside: energy shared with the packets
+    before and after. The windows of a combinatorial word overlap, so its metrics do not change.
 
     A missing pulse has the likelihood of no pulse, whatever the value is; a second pulse may be at any place of the
     window. Both limit the confidence of a packet: a window without its pulse contains no information about the value.
     """
+    packets, missing = stretch.packets, stretch.missing
+    if packets[0, trellis.RISING]:
+        return unary, np.ones_like(unary)
+    unary = unary - beside
     count = packets[:, trellis.COUNT].astype(float)
     real = np.arange(unary.shape[1])[None, :] < packets[:, trellis.COUNT, None]
     second = unary + _second(unary, trellis.places_of(packets), real, common, level) + np.log(_EXTRA / count)[:, None]
-    alone = unary + math.log(1.0 - missing - _EXTRA)
-    pulse = np.logaddexp(alone, second)
+    pulse = np.logaddexp(unary + math.log(1.0 - missing - _EXTRA), second)
     total = np.logaddexp(pulse, math.log(missing))
-    return total, np.exp(pulse - total)
+    return total + beside, np.exp(pulse - total)
 
 
 def _second(unary: Array, at: Indices, real: NDArray[np.bool_], common: Array, level: Array) -> Array:
@@ -307,14 +289,41 @@ def _second(unary: Array, at: Indices, real: NDArray[np.bool_], common: Array, l
     return _log_sum(np.where(real[:, None, :] & (gap > 1), both, -np.inf))
 
 
-def _edges(stretch: StretchOnToolClock, span: int, beyond: int, pulses: Array) -> Array:
-    """Return the expected number of edges at each TU, from `beyond` TU before the packets to `beyond` TU after them."""
-    edges = np.zeros(span + 2 * beyond)
-    known = beyond + np.rint((stretch.pulses[:, 0] - stretch.start) / SAMPLES_PER_TU).astype(np.int64)
-    inside = (known >= 0) & (known < len(edges))
-    np.add.at(edges, known[inside], stretch.pulses[inside, 1])
-    np.add.at(edges, beyond + trellis.places_of(stretch.packets), pulses)
-    return edges
+def shared_energy(stretch: StretchOnToolClock, at: Indices, common: Array, pulses: Array) -> tuple[Array, Array]:
+    """
+    Return the mean energy that a pulse of each packet shares with far pulses, and with those of the packets beside.
+
+    Parameters
+    ----------
+    stretch : StretchOnToolClock
+    at : ndarray, shape (k, n)
+        Places of the pulse of each packet, TU.
+    common : ndarray, shape (m,)
+        Common energy of two pulses, by their distance in TU.
+    pulses : ndarray, shape (k, values)
+        Expected number of pulses at each place of each packet.
+
+    Returns
+    -------
+    ndarray, shape (k, n)
+        Energy shared with all pulses except those of the packet itself and of the packets before and after.
+    ndarray, shape (k, n)
+        Energy shared with the packets before and after.
+    """
+    beyond, known = len(common), _all_pulses(stretch, pulses)
+    place = beyond + (known[:, 0] - stretch.start) / SAMPLES_PER_TU
+    edges = _edges(place, known[:, 1], int(stretch.groups[-1, 2]) + 2 * beyond)
+    total = np.convolve(edges, np.concatenate([common[:0:-1], common]), mode="same")[beyond:][at]
+    places, by_gap = trellis.places_of(stretch.packets), np.append(common, 0.0)
+
+    def shared(one: slice, other: slice) -> Array:
+        gap = np.minimum(np.abs(at[one, :, None] - places[other, None, :]), beyond)
+        return np.asarray(np.sum(pulses[other, None, :] * by_gap[gap], axis=2))
+
+    beside = np.zeros(at.shape)
+    beside[1:] += shared(slice(1, None), slice(None, -1))
+    beside[:-1] += shared(slice(None, -1), slice(1, None))
+    return total - shared(slice(None), slice(None)) - beside, beside
 
 
 def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Array, pulses: Array) -> Array:
@@ -330,15 +339,10 @@ def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Arra
     packets, missing = stretch.packets, stretch.missing
     if packets[0, trellis.RISING]:
         return np.full((len(packets), 3), np.nan)
-    edges = _edges(stretch, len(metric), len(common), pulses)
     size = packets[:, trellis.COUNT, None] + GAP_TU
     each = np.arange(int(size.max()))[None, :]
     at = packets[:, trellis.START, None] + np.minimum(each, size - 1)
-    # Energy shared with all pulses, without those of the packet itself.
-    shared = np.convolve(edges, np.concatenate([common[:0:-1], common]), mode="same")[len(common) :]
-    gap = np.minimum(np.abs(at[:, :, None] - trellis.places_of(packets)[:, None, :]), len(common) - 1)
-    own = np.sum(pulses[:, None, :] * common[gap], axis=2)
-    unary = metric[at] - level[:, None] * (shared[at] - own)
+    unary = metric[at] - level[:, None] * sum(shared_energy(stretch, at, common, pulses))
     here = each < size
     inside = _log_sum(np.where(each < size - GAP_TU, unary, -np.inf)) - np.log(size[:, 0] - GAP_TU)
     free = [_log_sum(np.where(here, unary, -np.inf)) - np.log(size[:, 0])]
@@ -356,30 +360,26 @@ def _log_sum(logs: Array) -> Array:
     return np.asarray(top + np.log(np.sum(np.exp(logs - top[..., None]), axis=-1) + 1e-300))
 
 
+def _all_pulses(stretch: StretchOnToolClock, probability: Array) -> Array:
+    """Return the known pulses of the stretch and the pulses of its packets, as rows of `StretchOnToolClock.pulses`."""
+    at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets)
+    window = stretch.start + SAMPLES_PER_TU * stretch.packets[:, trellis.START, None]
+    own = np.stack([at, probability, np.broadcast_to(window, at.shape)], axis=-1).reshape(-1, 3)
+    return np.concatenate([stretch.pulses, own[own[:, 1] > 0.0]])
+
+
 def _train(stretch: StretchOnToolClock, probability: Array) -> Array:
     """Return the expected number of edges at each sample."""
-    train = np.zeros(len(stretch.pressure))
-    _add_known(stretch, train)
-    at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets)
-    np.add.at(train, np.clip(at, 0, len(train) - 1), probability)
-    return train
+    pulses = _all_pulses(stretch, probability)
+    return _edges(pulses[:, 0], pulses[:, 1], len(stretch.pressure))
 
 
-def _add_known(stretch: StretchOnToolClock, train: Array) -> None:
-    """Add the expected edges of the pulses before and after the packets (`stretch.pulses`) to `train`."""
-    at = np.rint(stretch.pulses[:, 0]).astype(np.int64)
-    inside = (at >= 0) & (at < len(train))
-    np.add.at(train, at[inside], stretch.pulses[inside, 1])
-
-
-def _places(stretch: StretchOnToolClock, probability: Array) -> Array:
-    """Return the known pulses of the stretch and the pulses of its packets, as rows of `StretchOnToolClock.pulses`."""
-    at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets).astype(float)
-    own = [
-        np.column_stack([one, p, np.full(len(p), k)])[p > 0.0]
-        for k, (one, p) in enumerate(zip(at, probability, strict=True))
-    ]
-    return np.concatenate([stretch.pulses, *own])
+def _edges(at: Array, chance: Array, count: int) -> Array:
+    """Return the expected number of edges at each of `count` places, from pulses with a place and a probability."""
+    edges, place = np.zeros(count), np.rint(at).astype(np.int64)
+    inside = (place >= 0) & (place < count)
+    np.add.at(edges, place[inside], chance[inside])
+    return edges
 
 
 def _whitened(response: Array, whitener: Array) -> Array:
@@ -455,23 +455,22 @@ def _sync_size(
     if stretch.sync is None:
         return 1.0, math.inf
     here = slice(max(stretch.sync[0] - BEFORE, 0), stretch.sync[1])
-    places = np.rint(stretch.pulses[:, 0]).astype(np.int64)
-    sync, mine = np.zeros(len(whitened)), (places >= here.start) & (places < here.stop)
-    np.add.at(sync, places[mine], stretch.pulses[mine, 1])
+    of_sync = stretch.pulses[(stretch.pulses[:, 0] >= here.start) & (stretch.pulses[:, 0] < here.stop)]
     shapes = np.array([_whitened(one, state.whitener) for one in state.components])
-    columns, of_sync = pulse_columns(_train(stretch, pulses), shapes), pulse_columns(sync, shapes)
+    columns = pulse_columns(_train(stretch, pulses), shapes)
+    sync = pulse_columns(_edges(of_sync[:, 0], of_sync[:, 1], len(whitened)), shapes)
     others = weight.copy()
     others[here] = 0.0
-    pairs = place_pairs(_places(stretch, pulses), others)
+    pairs = place_pairs(_all_pulses(stretch, pulses), others)
     matrix, right = normal_equations(columns, whitened, others)
     u, _, covariance = coefficients(matrix + spread(pairs, shapes), right, state.scale)
-    expected = of_sync[here] @ u
-    rest = whitened[here] - (columns[here] - of_sync[here]) @ u
+    expected = sync[here] @ u
+    rest = whitened[here] - (columns[here] - sync[here]) @ u
     weighted = weight[here] * expected
     power = float(weighted @ expected)
     if not power > 0.0:
         return 1.0, math.inf
-    error = weighted @ of_sync[here]
+    error = weighted @ sync[here]
     return float(weighted @ rest) / power, math.sqrt(1.0 / power + float(error @ covariance @ error) / power**2)
 
 
@@ -490,7 +489,7 @@ def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimat
     residual = stretch.pressure - reconstruct(_train(stretch, pulses), state.response)
     background = lines(residual, weight, state.memory, angles)
     residual -= background
-    unsure = _unsure(_places(stretch, pulses), state.response, weight)
+    unsure = _unsure(_all_pulses(stretch, pulses), state.response, weight)
     taps, size = prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, unsure)
     state.whitener = taps if size > 0.0 else state.whitener
     return background

@@ -199,55 +199,6 @@ def marginals(packets: Indices, forward: Array, backward: Array) -> tuple[Array,
 
 
 @compiled
-def mean_interference(
-    packets: Indices,
-    known: Array,
-    chance: Array,
-    common: Array,
-    level: Array,
-    probability: Array,
-    neighbours: bool,
-) -> Array:
-    """
-    Return the mean energy that each place of a packet shares with neighbouring pulses, or with all other pulses.
-
-    Parameters
-    ----------
-    packets, common, level
-        As in `forward_backward`.
-    known, chance : ndarray, shape (j,)
-        Edges of pulses before and after these packets, TU, and the probability of each.
-    probability : ndarray, shape (n, values)
-        Probability of each packet value.
-    neighbours : bool
-        True: only the packets directly before and after each packet count; False: only all other pulses.
-
-    Returns
-    -------
-    ndarray, shape (n, values)
-        Amount to subtract from the metric of each value.
-    """
-    n = len(packets)
-    out = np.zeros_like(probability)
-    for k in range(n):
-        for value in range(packets[k, 4]):
-            at = place(packets, k, value)
-            total = 0.0
-            for j in range(len(known)):
-                total += chance[j] * _pair(common, abs(at - int(known[j])), level[k])
-            for other in range(n):
-                if other == k or (abs(other - k) == 1) != neighbours:
-                    continue
-                if abs(packets[other, 0] - packets[k, 0]) > len(common) + out.shape[1]:
-                    continue
-                for v in range(packets[other, 4]):
-                    gap = abs(at - place(packets, other, v))
-                    total += probability[other, v] * _pair(common, gap, math.sqrt(level[k] * level[other]))
-            out[k, value] = total
-    return out
-
-
-@compiled
 def best_words(
     packets: Indices,
     unary: Array,

@@ -44,3 +44,25 @@ def test_the_evidence_of_a_first_decoding_has_the_mean_that_is_expected_of_it(eb
     both = [(one.evidence, one.expected) for one in (decoded(seed, ebn0_db, hidden) for seed in range(24))]
     evidence, expected = np.mean(both, axis=0)
     assert 0.75 * expected < evidence < 1.05 * expected
+
+
+def test_the_energy_shared_with_other_pulses_is_the_sum_over_each_of_them():
+    random = np.random.default_rng(4)
+    rows, length = packet_rows(TOOL.surveys[0][:1])
+    known = np.array([[START - 40.0, 1.0, 0.0], [START - 8.0, 0.7, 1.0]])
+    groups, samples = np.array([[0, 0, length + 14]]), np.zeros(2000)
+    stretch = segment.StretchOnToolClock(samples, samples, known, rows, groups, START, 0)
+    common, places = random.normal(size=16), trellis.places_of(rows)
+    pulses = trellis.uniform(rows) * random.uniform(size=places.shape)
+    far, beside = segment.shared_energy(stretch, places, common, pulses)
+
+    def of(at, others):
+        return sum(chance * common[abs(at - int(place))] for place, chance in others if abs(at - place) < len(common))
+
+    for k, values in enumerate(places):
+        packets = [list(zip(places[j], pulses[j], strict=True)) for j in range(len(rows))]
+        near = [one for j in (k - 1, k + 1) if 0 <= j < len(rows) for one in packets[j]]
+        rest = [one for j, row in enumerate(packets) if abs(j - k) > 1 for one in row]
+        rest += [((at - START) / SAMPLES_PER_TU, chance) for at, chance, _ in known]
+        assert beside[k] == pytest.approx([of(at, near) for at in values])
+        assert far[k] == pytest.approx([of(at, rest) for at in values])

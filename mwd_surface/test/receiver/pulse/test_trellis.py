@@ -57,15 +57,6 @@ def test_marginals_and_words_are_those_of_all_combinations(parity):
             assert np.exp(log - evidence) == pytest.approx(total, abs=1e-9)
 
 
-def test_pulses_far_away_enter_by_their_mean():
-    probability = np.zeros((4, 8))
-    probability[:, 0] = 1.0
-    long = np.linspace(1.0, 0.0, 60)
-    out = trellis.mean_interference(ROWS, np.array([-10.0]), np.ones(1), long, np.ones(4), probability, False)
-    places = [int(row[0]) + (1 << int(row[1])) - 1 for row in ROWS]
-    assert out[0, 0] == pytest.approx(long[places[0] + 10] + long[places[2] - places[0]] + long[places[3] - places[0]])
-
-
 def test_words_of_the_combinatorial_code_are_those_of_all_combinations():
     """Two words of 4 bits (two pulses each): every pair of codes counted by hand."""
     rows, _ = packet_rows(parse("aTFA:4 aTFA:4"), "combinatorial")
