@@ -22,7 +22,6 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     basis,
     coefficients,
     normal_equations,
-    pulse_columns,
     reconstruct,
 )
 from mwd_surface.receiver.pump_lines import pump_noise
@@ -281,9 +280,8 @@ def _ratios(gram: Array, folded: Array, total: Array, samples: Array, variances:
 def _fitted(whitened: Array, weight: Array, shapes: Array, edges: Array, at: int) -> tuple[Array, float]:
     """Return the response coefficients that fit a sync best, and their scale."""
     begin, end = at - BEFORE, at + int(edges[-1]) + shapes.shape[1]
-    train = np.zeros(end - begin)
-    train[BEFORE + edges] = 1.0
-    matrix, right = normal_equations(pulse_columns(train, shapes), whitened[begin:end], weight[begin:end])
+    columns = np.ascontiguousarray(_columns(shapes, edges).T)
+    matrix, right = normal_equations(columns, whitened[begin:end], weight[begin:end])
     scale = float(np.sqrt(len(shapes)) * np.linalg.norm(right) / np.trace(matrix))
     u = right
     for _ in range(5):

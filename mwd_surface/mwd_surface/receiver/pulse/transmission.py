@@ -69,6 +69,8 @@ class ReceivedTransmission:
         Position and score of the sync.
     second : float
         Score of another sync that begins during this one.
+    channel : ChannelEstimate
+        Response to a pulse, and noise model without the pulses.
     presence : Presence
     lost : str
         Reason why the hypothesis has ended by itself; empty while it goes on.
@@ -91,9 +93,7 @@ class ReceivedTransmission:
         whitener[: len(found.whitener)] = found.whitener
         # The search uses fewer components than the estimate: spread the same total variance over more.
         memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
-        self._channel = segment.ChannelEstimate(
-            response, found.scale, whitener, basis(len(response), tool.tu_s), memory
-        )
+        self.channel = segment.ChannelEstimate(response, found.scale, whitener, basis(len(response), tool.tu_s), memory)
         self._at_once, self.doubt = copy.deepcopy(doubt), doubt
         self.presence = Presence(found.score)
         self._boundary = SAMPLES_PER_TU * tool.sync.length_tu
@@ -200,26 +200,29 @@ class ReceivedTransmission:
             # back.
             self._heard_at = min(self._heard_at, now.take_back(presence.faint_words + len(items)))
             self._clock = clock
-            self._carried = self._carried if was_faint else self._channel.posterior
-            if now.complete:
-                self._complete()
-                self.sent = not self._tool.toolfaces
-            return
-        self._heard_at = now.at
-        self._channel = decision.channel
-        self._missing[0] += float(len(rows) - np.sum(decision.probability * decision.present))
-        self._missing[1] += len(rows)
-        trusted = self._at_once.learn(soft)
-        if self._at_once.failing > _LOST and self._at_once.two_tools < 0.5:
-            self.lost = _PARITIES_FAIL
-        provisional = self._held + self._words(now, now.done - len(items), trusted, 0)
-        # Words after a doubtful sync are held back until it is confirmed.
-        self._held = [] if presence.confirmed else provisional
-        self._pending.provisional += provisional if presence.confirmed else []
-        now.shown = now.done if presence.confirmed else 0
+            self._carried = self._carried if was_faint else self.channel.posterior
+        else:
+            self._use(now, decision, len(items))
         if now.complete:
             self._complete()
             self.sent = not self._tool.toolfaces
+
+    def _use(self, now: Pass, decision: segment.DecodedStretch, count: int) -> None:
+        """Continue with the channel of the last `count` words, in which pulses were found; show these words."""
+        self._heard_at = now.at
+        self.channel = decision.channel
+        packets = len(decision.present)
+        self._missing[0] += float(packets - np.sum(decision.probability * decision.present))
+        self._missing[1] += packets
+        trusted = self._at_once.learn([part.soft for part in now.parts[-count:]])
+        if self._at_once.failing > _LOST and self._at_once.two_tools < 0.5:
+            self.lost = _PARITIES_FAIL
+        provisional = self._held + self._words(now, now.done - count, trusted, 0)
+        # Words after a doubtful sync are held back until it is confirmed.
+        confirmed = self.presence.confirmed
+        self._held = [] if confirmed else provisional
+        self._pending.provisional += provisional if confirmed else []
+        now.shown = now.done if confirmed else 0
 
     def taken(self) -> Reception:
         """Return and remove the words that are ready to be published, with the numbers of their passes among all."""
@@ -247,7 +250,7 @@ class ReceivedTransmission:
         Nothing is done without a decoded word, or before the sync is confirmed.
         """
         now = self._pass
-        if now is None or not now.parts or not self.confirmed:
+        if now is None or not now.parts or not self.presence.confirmed:
             return
         heard = now.heard
         if self.lost or not now.complete:
@@ -304,8 +307,8 @@ class ReceivedTransmission:
             end = stretch.start - now.start + self._boundary
             begin = end - SAMPLES_PER_TU * self._tool.sync.length_tu
             stretch = dataclasses.replace(stretch, sync=(begin, end) if begin > 0 else None)
-        decision = segment.decode(stretch, self._channel)
-        self._channel = decision.channel
+        decision = segment.decode(stretch, self.channel)
+        self.channel = decision.channel
         items = tuple(part.item for part in parts)
         soft = soft_words(decision, rows, items, self._parity)
         for part, first, one in zip(parts, firsts, soft, strict=True):
@@ -319,7 +322,7 @@ class ReceivedTransmission:
         """Remove the words of a decoded sequence; keep those of its pulses that the decoding of later words needs."""
         self._places = self._pulses()
         now.parts = []
-        oldest = now.at - SAMPLES_PER_TU * _HISTORY_TU - len(self._channel.response)
+        oldest = now.at - SAMPLES_PER_TU * _HISTORY_TU - len(self.channel.response)
         self._places = [one for one in self._places if one.at >= oldest]
 
     def _pulses(self) -> list[passes.PulsePlace]:
@@ -330,22 +333,12 @@ class ReceivedTransmission:
     @property
     def sound(self) -> bool:
         """Whether the parities hold, so that another hypothesis should not end the transmission."""
-        return self._at_once.failing < _DOUBTFUL and self.confirmed and not self.presence.faint
-
-    @property
-    def confirmed(self) -> bool:
-        """Whether words were found after the sync."""
-        return self.presence.confirmed
+        return self._at_once.failing < _DOUBTFUL and self.presence.confirmed and not self.presence.faint
 
     @property
     def heard(self) -> float:
         """Position of the grid up to which pulses were found."""
         return self._clock.at(self._heard_at)
-
-    @property
-    def channel(self) -> segment.ChannelEstimate:
-        """Response to a pulse, and noise model without the pulses."""
-        return self._channel
 
     def _rows(self, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
         """Return the packets of some words, and their duration, TU."""
@@ -451,7 +444,7 @@ class ReceivedTransmission:
         return decision
 
     def _decode_once(self, rows: Indices, length: int, start: int) -> segment.DecodedStretch:
-        return segment.decode(self._stretch(rows, np.array([[0, 0, length + _AFTER_TU]]), start), self._channel)
+        return segment.decode(self._stretch(rows, np.array([[0, 0, length + _AFTER_TU]]), start), self.channel)
 
     def _stretch(
         self, rows: Indices, groups: Indices, start: int, probability: Array | None = None
