@@ -223,24 +223,18 @@ def _soft_values(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
     """Return the words of the pulse position code with their most probable codes, for `soft_words`."""
-    count, values = len(rows), trellis.values_of(rows)
-    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
-    chance, even = np.empty((count, values)), np.empty(count)
-    ends = np.flatnonzero(rows[:, 2])
+    ends = np.flatnonzero(rows[:, trellis.ENDS])
     firsts = np.concatenate([[0], ends[:-1] + 1])
     holds = np.empty((len(items), len(_TEMPERATURES)))
     codes: list[dict[int, list[float]]] = [{} for _ in items]
     for t, temperature in enumerate(_TEMPERATURES):
         given = (rows, decision.unary / temperature, decision.common / temperature, decision.level)
-        trellis.forward_backward(*given, -1, forward, backward)
-        trellis.marginals(rows, forward, backward, chance, even)
+        _, even, _ = trellis.marginals(rows, *trellis.forward_backward(*given, -1))
         holds[:, t] = even[ends] if parity == 0 else 1.0 - even[ends]
-        trellis.forward_backward(*given, parity, forward, backward)
-        evidence = trellis.marginals(rows, forward, backward, chance, even)
-        found = np.empty((_BEAM, 2))
+        sums = trellis.forward_backward(*given, parity)
+        _, _, evidence = trellis.marginals(rows, *sums)
         for k, item in enumerate(items):
-            made = trellis.best_words(*given, forward, backward, int(firsts[k]), found)
-            for code, log in found[:made]:
+            for code, log in trellis.best_words(*given, *sums, int(firsts[k]), _BEAM):
                 value = int(code) >> 1 if item.parity else int(code)
                 codes[k].setdefault(value, [0.0] * len(_TEMPERATURES))[t] += math.exp(min(log - evidence, 0.0))
     chances = [np.array(list(one.values())).T for one in codes]
@@ -254,19 +248,16 @@ def _soft_ranks(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
     """Return the words of the combinatorial code with their most probable codes, for `soft_words`."""
-    count, values = len(rows), trellis.values_of(rows)
-    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     ends = np.flatnonzero(rows[:, trellis.ENDS])
     holds = np.empty((len(items), len(_TEMPERATURES)))
     chances: list[list[Array]] = [[] for _ in items]
     for t, temperature in enumerate(_TEMPERATURES):
         unary, common = decision.unary / temperature, decision.common / temperature
-        trellis.forward_backward(rows, unary, common, decision.level, -1, forward, backward)
+        forward, backward = trellis.forward_backward(rows, unary, common, decision.level, -1)
         for k, (item, end) in enumerate(zip(items, ends, strict=True)):
             table = combinatorial.values(item.length)
-            log = np.empty(len(table))
             to = slice(0, end + 1)
-            trellis.all_words(rows[to], unary[to], common, decision.level[to], forward[to], backward[to], table, log)
+            log = trellis.all_words(rows[to], unary[to], common, decision.level[to], forward[to], backward[to], table)
             chance = np.exp(log - log.max())
             held = combinatorial.odd(item.length) == parity
             holds[k, t] = chance[held].sum() / chance.sum()
