@@ -8,7 +8,9 @@ opens in `ros2 bag`, `rosbags`, `mcap` and Foxglove.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import errno
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -278,6 +280,7 @@ class BagWriter:
         sync : whether to force the file to the disk. The next call must be `begin_file` or `close`.
         """
         if self._open:
+            self.check_file()
             self.file.close_chunk()
             if not self._noted:
                 self._note_metadata()
@@ -291,6 +294,13 @@ class BagWriter:
         if self._in_place:
             bag_metadata.write(self._folder, self.metadata())
         return self.file.path
+
+    def check_file(self) -> None:
+        """Raise FileNotFoundError if the current file was moved or deleted; then only `give_up_file` may follow."""
+        if not self.file.path.exists():
+            raise FileNotFoundError(
+                errno.ENOENT, "the file was moved or deleted while it was written", str(self.file.path)
+            )
 
     def begin_file(self) -> None:
         """
@@ -316,14 +326,25 @@ class BagWriter:
         """
         Close the current file without its end, for later recovery; the next call must be `begin_file` or `close`.
 
-        Returns the number of messages that never reached the file.
+        A file that was moved gets its end where it is now. If the folder was moved or deleted, its files do not belong
+        to the bag any more. Returns the number of messages that never reached a file, or were in deleted files.
         """
         if not self._open:
             return 0
-        lost = self.file.discard_pending()
+        lost, there = 0, self._folder.exists()
+        if self.file.deleted():
+            lost = self.file.messages if there else self.messages
+        elif not self.file.path.exists():
+            with contextlib.suppress(OSError):
+                self.file.finish(sync=True)
+        lost = max(lost, self.file.discard_pending())
         self.file.close()
         self._open = False
         self._finished_bytes += self.file.size
+        if not there:
+            self.files = []
+            for track in self._tracks.values():
+                track.count = 0
         return lost
 
     def close(self, sync: bool = False) -> Path:
