@@ -108,6 +108,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._operator_events = self.add_publisher(OperatorEvent, "operator_events", qos.STATE)
         self._used_samples = self.add_publisher(UsedSamples, "used_samples", qos.STATE)
         self._used = SampleCounts()
+        self._last_imu_ns = 0  # stamp of the last IMU sample in the pipeline's time, ns; 0 before the first sample
         self._gate = RecordingGate(self)
         self._tf = self.add_publisher(TFMessage, "/tf", qos.STATE)
         self._transmission = TransmissionPublisher(self, self.settings.transmit)
@@ -189,6 +190,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._used.take("imu/data_raw", imu)
             imu = pipeline.gate.imu(imu)
             output = pipeline.push_imu(imu)
+            self._last_imu_ns = pipeline.last_imu_ns
             self._publish(imu, output, self._logs.take(output, self._frame))
 
     @property
@@ -254,9 +256,9 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._innovations.publish(innovation_message(pipeline.innovations, pipeline.last_imu_ns, self._frame))
 
     def _publish_used_samples(self) -> None:
-        if self._used.newest_ns:
+        if self._last_imu_ns:
             message = UsedSamples(topics=self._used.messages(self.resolve_topic_name))
-            message.header.stamp, message.header.frame_id = stamp(self._used.newest_ns), self._frame
+            message.header.stamp, message.header.frame_id = stamp(self._last_imu_ns), self._frame
             self._used_samples.publish(message)
 
     def _tell(self, kind: int, *, success: bool = True, **fields: Any) -> None:
@@ -266,7 +268,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         kind, success, fields: fields of mwd_msgs/msg/OperatorEvent.
         """
         event = unknown(OperatorEvent, kind=kind, success=success, **fields)
-        event.header.stamp = stamp(self._used.newest_ns)
+        event.header.stamp = stamp(self._last_imu_ns)
         self._operator_events.publish(event)
 
     def _publish_survey(self, survey: DecidedSurvey, frame: str) -> tuple[SurveyMessage, str]:
@@ -427,11 +429,6 @@ class SampleCounts:
         low, high = int(stamps.min()), int(stamps.max())
         first, last, count = self._counts.get(topic, (low, high, 0))
         self._counts[topic] = min(first, low), max(last, high), count + len(samples)
-
-    @property
-    def newest_ns(self) -> int:
-        """Newest stamp of the IMU, ns; 0 before the first sample."""
-        return self._counts.get("imu/data_raw", (0, 0, 0))[1]
 
     def messages(self, full_name: Callable[[str], str]) -> list[SampleCount]:
         """Return the counts as messages; full_name resolves the name of a topic."""
