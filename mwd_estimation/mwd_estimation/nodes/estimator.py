@@ -53,6 +53,7 @@ from mwd_estimation.survey.survey import STATIC
 from mwd_sensors.core import frames, wire
 from mwd_sensors.core.arrays import Indices, Samples, Stamps
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.unknown import or_none
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, WARN, Diagnostic
@@ -355,7 +356,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
                 dip=request.dip,
                 declination=request.declination,
                 convergence=request.convergence,
-                gravity=request.gravity if request.gravity > 0.0 else None,
+                gravity=or_none(request.gravity) or None,  # 0: a client left it out
                 source=request.source,
             )
         except ValueError as error:
