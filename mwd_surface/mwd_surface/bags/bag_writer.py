@@ -297,7 +297,7 @@ class BagWriter:
 
     def check_file(self) -> None:
         """Raise FileNotFoundError if the current file was moved or deleted; then only `give_up_file` may follow."""
-        if not self.file.path.exists():
+        if _is_gone(self.file.path):
             raise FileNotFoundError(
                 errno.ENOENT, "the file was moved or deleted while it was written", str(self.file.path)
             )
@@ -331,17 +331,18 @@ class BagWriter:
         """
         if not self._open:
             return 0
-        lost, there = 0, self._folder.exists()
-        if self.file.deleted():
-            lost = self.file.messages if there else self.messages
-        elif not self.file.path.exists():
-            with contextlib.suppress(OSError):
-                self.file.finish(sync=True)
+        lost, folder_gone = 0, _is_gone(self._folder)
+        if _is_gone(self.file.path):
+            if self.file.deleted():
+                lost = self.messages if folder_gone else self.file.messages
+            else:
+                with contextlib.suppress(OSError):
+                    self.file.finish(sync=True)
         lost = max(lost, self.file.discard_pending())
         self.file.close()
         self._open = False
         self._finished_bytes += self.file.size
-        if not there:
+        if folder_gone:
             self.files = []
             for track in self._tracks.values():
                 track.count = 0
@@ -416,3 +417,14 @@ class BagWriter:
         ]
         alone = BagMetadata(files=[self._file_entry()], topics=topics, custom=self.custom)
         self.file.add_metadata(ROSBAG2_RECORD, {"serialized_metadata": bag_metadata.serialized(alone)})
+
+
+def _is_gone(path: Path) -> bool:
+    """Return whether a file or folder is missing; False if the disk does not answer."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return True
+    except OSError:
+        return False
+    return False

@@ -245,13 +245,13 @@ class Session:
         low = self._settings.min_free_bytes
         if self.writing and self.free < low:
             reason = f"{self.free / 1e6:.0f} MB free on the disk of {self._folder}, {low / 1e6:.0f} MB must stay free"
-            self._pause_writing(RecorderState.PAUSED_DISK_FULL, reason)
+            self._pause_writing(RecorderState.PAUSED_DISK_FULL, reason, gone=False)
         elif not self.writing and self.free >= low + low // 8 and time.monotonic() >= self._retry_at:
             self._resume()
 
-    def _pause_writing(self, state: RecorderState, reason: str) -> None:
+    def _pause_writing(self, state: RecorderState, reason: str, *, gone: bool) -> None:
         # The event ends the file. If the file was moved or deleted, the event waits for the next file.
-        self.writing = self.writing and self.writer.file.path.exists()
+        self.writing = self.writing and not gone
         self._hooks.report(EventLevel.ERROR, f"recording paused: {reason}")
         self.writing = False
         self._pause_began = time.time_ns()
@@ -278,7 +278,8 @@ class Session:
         """Pause the recording, and complete the file as far as the disk allows."""
         full = error.errno in _FULL
         reason = self._words(error)
-        self._pause_writing(RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED, reason)
+        state = RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED
+        self._pause_writing(state, reason, gone=isinstance(error, FileNotFoundError))
 
     def _resume(self) -> None:
         self._retry_at = time.monotonic() + self._settings.retry_seconds
