@@ -11,6 +11,7 @@ pytest.importorskip("rclpy")
 
 import rclpy
 from mwd_msgs.msg import OperatorEvent
+from mwd_msgs.srv import SetReferenceField
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -183,3 +184,21 @@ def test_a_request_has_the_time_of_the_samples_after_a_lone_stamp_and_after_the_
         expected.append(int(stamps[-1]))
     expected[1] -= int(lone[-1]) - int(lone[-2])
     assert told == expected
+
+
+@pytest.mark.fault_case(86)
+@pytest.mark.parametrize(
+    ("gravity", "used"), [(9.79, 9.79), (np.nan, None), (0.0, None), (-9.81, ...), (-1e-300, ...), (98.1, ...)]
+)
+def test_a_gravity_that_a_service_gives_is_used_kept_or_refused_and_never_ignored(gravity, used):
+    pipeline = Pipeline(EstimatorSettings())
+    log = SimpleNamespace(info=lambda _: None)
+    node = SimpleNamespace(_pipeline=pipeline, get_logger=lambda: log)
+    request = SetReferenceField.Request(total=5e-5, dip=1.2, gravity=gravity, source="pad")
+    response = EstimatorNode._used_reference(node, request, SetReferenceField.Response())
+    assert response.success == (used is not ...)
+    if used is ...:
+        assert "gravity" in response.message
+        assert pipeline.given_reference is None
+    else:
+        assert pipeline.given_reference.gravity == used
