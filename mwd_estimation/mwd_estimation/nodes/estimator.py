@@ -53,6 +53,7 @@ from mwd_estimation.survey.survey import STATIC
 from mwd_sensors.core import frames, wire
 from mwd_sensors.core.arrays import Indices, Samples, Stamps
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.unknown import or_none
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.deferred import DeferredResponse, answering
 from mwd_sensors.ros.diagnostics import ERROR, WARN, Diagnostic
@@ -111,6 +112,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._operator_events = self.add_publisher(OperatorEvent, "operator_events", qos.STATE)
         self._used_samples = self.add_publisher(UsedSamples, "used_samples", qos.STATE)
         self._used = SampleCounts()
+        self._last_imu_ns = 0  # stamp of the last IMU sample in the pipeline's time, ns; 0 before the first sample
         self._gate = RecordingGate(self)
         self._tf = self.add_publisher(TFMessage, "/tf", qos.STATE)
         self._transmission = TransmissionPublisher(self, self.settings.transmit)
@@ -192,6 +194,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._used.take("imu/data_raw", imu)
             imu = pipeline.gate.imu(imu)
             output = pipeline.push_imu(imu)
+            self._last_imu_ns = pipeline.last_imu_ns
             self._publish(imu, output, self._logs.take(output, self._frame))
 
     @property
@@ -257,9 +260,9 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._innovations.publish(innovation_message(pipeline.innovations, pipeline.last_imu_ns, self._frame))
 
     def _publish_used_samples(self) -> None:
-        if self._used.newest_ns:
+        if self._last_imu_ns:
             message = UsedSamples(topics=self._used.messages(self.resolve_topic_name))
-            message.header.stamp, message.header.frame_id = stamp(self._used.newest_ns), self._frame
+            message.header.stamp, message.header.frame_id = stamp(self._last_imu_ns), self._frame
             self._used_samples.publish(message)
 
     def _tell(self, kind: int, *, success: bool = True, **fields: Any) -> None:
@@ -269,7 +272,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         kind, success, fields: fields of mwd_msgs/msg/OperatorEvent.
         """
         event = unknown(OperatorEvent, kind=kind, success=success, **fields)
-        event.header.stamp = stamp(self._used.newest_ns)
+        event.header.stamp = stamp(self._last_imu_ns)
         self._operator_events.publish(event)
 
     def _publish_survey(self, survey: DecidedSurvey, frame: str) -> tuple[SurveyMessage, str]:
@@ -347,15 +350,20 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     @answering
     def _used_reference(self, request: Any, _response: Any) -> str:
         if not request.source.strip():
-            raise ValueError("source: must name where the field comes from")
-        reference = Reference(
-            total=request.total,
-            dip=request.dip,
-            declination=request.declination,
-            convergence=request.convergence,
-            gravity=request.gravity if request.gravity > 0.0 else None,
-            source=request.source,
-        )
+            response.success, response.message = False, "source: must name where the field comes from"
+            return response
+        try:
+            reference = Reference(
+                total=request.total,
+                dip=request.dip,
+                declination=request.declination,
+                convergence=request.convergence,
+                gravity=or_none(request.gravity) or None,  # 0: a client left it out
+                source=request.source,
+            )
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+            return response
         self._pipeline.set_reference(reference)
         self.get_logger().info(printable(f"reference field from {request.source}"))
         return f"reference field from {request.source}"
@@ -423,11 +431,6 @@ class SampleCounts:
         low, high = int(stamps.min()), int(stamps.max())
         first, last, count = self._counts.get(topic, (low, high, 0))
         self._counts[topic] = min(first, low), max(last, high), count + len(samples)
-
-    @property
-    def newest_ns(self) -> int:
-        """Newest stamp of the IMU, ns; 0 before the first sample."""
-        return self._counts.get("imu/data_raw", (0, 0, 0))[1]
 
     def messages(self, full_name: Callable[[str], str]) -> list[SampleCount]:
         """Return the counts as messages; full_name resolves the name of a topic."""

@@ -8,7 +8,9 @@ opens in `ros2 bag`, `rosbags`, `mcap` and Foxglove.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import errno
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -279,6 +281,7 @@ class BagWriter:
         sync : whether to force the file to the disk. The next call must be `begin_file` or `close`.
         """
         if self._open:
+            self.check_file()
             self.file.close_chunk()
             if not self._noted:
                 self._note_metadata()
@@ -292,6 +295,13 @@ class BagWriter:
         if self._in_place:
             bag_metadata.write(self._folder, self.metadata())
         return self.file.path
+
+    def check_file(self) -> None:
+        """Raise FileNotFoundError if the current file was moved or deleted; then only `give_up_file` may follow."""
+        if _is_gone(self.file.path):
+            raise FileNotFoundError(
+                errno.ENOENT, "the file was moved or deleted while it was written", str(self.file.path)
+            )
 
     def begin_file(self) -> None:
         """
@@ -317,14 +327,26 @@ class BagWriter:
         """
         Close the current file without its end, for later recovery; the next call must be `begin_file` or `close`.
 
-        Returns the number of messages that never reached the file.
+        A file that was moved gets its end where it is now. If the folder was moved or deleted, its files do not belong
+        to the bag any more. Returns the number of messages that never reached a file, or were in deleted files.
         """
         if not self._open:
             return 0
-        lost = self.file.discard_pending()
+        lost, folder_gone = 0, _is_gone(self._folder)
+        if _is_gone(self.file.path):
+            if self.file.deleted():
+                lost = self.messages if folder_gone else self.file.messages
+            else:
+                with contextlib.suppress(OSError):
+                    self.file.finish(sync=True)
+        lost = max(lost, self.file.discard_pending())
         self.file.close()
         self._open = False
         self._finished_bytes += self.file.size
+        if folder_gone:
+            self.files = []
+            for track in self._tracks.values():
+                track.count = 0
         return lost
 
     def close(self, sync: bool = False) -> Path:
@@ -396,3 +418,14 @@ class BagWriter:
         ]
         alone = BagMetadata(files=[self._file_entry()], topics=topics, custom=self.custom)
         self.file.add_metadata(ROSBAG2_RECORD, {"serialized_metadata": bag_metadata.serialized(alone)})
+
+
+def _is_gone(path: Path) -> bool:
+    """Return whether a file or folder is missing; False if the disk does not answer."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return True
+    except OSError:
+        return False
+    return False

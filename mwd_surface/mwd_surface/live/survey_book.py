@@ -144,7 +144,8 @@ class SurveyBook:
         """
         Add a survey of the estimator to the list with the depth at its time; return the outcome in words.
 
-        A survey that the list refuses raises an alarm; a survey that is in the list already changes nothing.
+        A survey that the list refuses raises an alarm, which ends with the next survey that the list takes; a survey
+        that is in the list already changes nothing.
         """
         at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_offset)
         known = any(r.survey.uuid == survey.uuid for r in self.surveys.records)
@@ -155,6 +156,7 @@ class SurveyBook:
             self._alarm_log.raise_alarm("survey.refused", Severity.WARNING, text)
             return text
         record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
+        self._alarm_log.clear_alarm("survey.refused")
         self._alarm_verdict(record)
         self._revised.clear()
         self._alarm_log.set_alarms("survey.revised", {})

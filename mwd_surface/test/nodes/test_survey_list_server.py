@@ -161,6 +161,13 @@ def test_a_revision_is_applied_published_shown_logged_and_told_by_an_alarm_of_lo
     assert "survey.revised" not in server.log.standing
 
 
+def test_the_alarm_of_a_refused_survey_ends_with_the_next_survey_that_the_list_takes(server):
+    server.server.on_survey(dataclasses.replace(example.survey(1, 10.0, 40.0), inclination=math.nan))
+    assert server.log.standing["survey.refused"][0] == Severity.WARNING
+    server.server.on_survey(example.survey(2, 10.0, 40.0))
+    assert "survey.refused" not in server.log.standing
+
+
 @pytest.mark.parametrize("verdict", [Verdict.ACCEPT, Verdict.DOUBTFUL])
 def test_a_value_of_a_person_that_later_surveys_contradict_is_an_alarm_until_a_person_decides(server, verdict):
     first = example.survey(1, 10.0, 40.0)

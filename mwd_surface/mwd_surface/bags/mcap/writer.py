@@ -283,6 +283,13 @@ class McapWriter:
         self.start_ns, self.end_ns = self._written_ns or (None, 0)
         return before - self.messages
 
+    def deleted(self) -> bool:
+        """Return whether the file, which is open, has no name in any folder any more, or cannot be reached."""
+        try:
+            return os.fstat(self._file).st_nlink == 0
+        except OSError:
+            return True
+
     def close(self) -> None:
         """Close the file; unless `finish` was called, the file stays an unfinished recording without an end."""
         if self._file >= 0:
