@@ -34,7 +34,9 @@ from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
 
-_BLOCK_S = 0.1  # length of a block that is simulated at a time, s of the scenario
+# Length of a block that is simulated at a time: 0.1 s of the clock, at most 1 s of the scenario. With a rig that obeys
+# commands it is 0.1 s of the scenario, because a command acts on the next block.
+_BLOCK_S, _MOST_BLOCK_S = 0.1, 1.0
 _TIMER_PERIOD = 0.005  # s; time between two timer callbacks, which simulate and publish
 _CALL_S = 0.05  # s; longest time of one timer callback, not counting the last simulated block
 _MOST_BEHIND_S = 1.0  # longest lag that the simulation catches up, s of wall time; a longer lag is skipped
@@ -165,7 +167,9 @@ class SondeNode(GraphNode[SondeSettings]):
         # that were sent twice.
         sonde = self._sonde = Sonde(self._scenario, self.get_clock().now().nanoseconds, self._starts)
         self._starts += 1
-        self._blocks: Iterator[dict[str, Samples]] = sonde.blocks(_BLOCK_S)
+        pace = 1.0 if sonde.string is not None else max(self.settings.rate, 1.0)
+        self._block_s = min(_BLOCK_S * pace, _MOST_BLOCK_S)
+        self._blocks: Iterator[dict[str, Samples]] = sonde.blocks(self._block_s)
         self._all_simulated = False
         self._simulated_until = 0.0
         self._sample_counts = dict.fromkeys(_THINNED, 0)
@@ -204,7 +208,7 @@ class SondeNode(GraphNode[SondeSettings]):
             return
         rate = self.settings.rate
         elapsed = time.monotonic() - self._started_at
-        until = elapsed * rate if rate > 0.0 else self._simulated_until + _BLOCK_S
+        until = elapsed * rate if rate > 0.0 else self._simulated_until + self._block_s
         if rate > 0.0 and until - self._simulated_until > _MOST_BEHIND_S * max(rate, 1.0):
             # Do not try to catch up: shift the start of the scenario by the backlog.
             dropped = until - self._simulated_until
@@ -252,7 +256,7 @@ class SondeNode(GraphNode[SondeSettings]):
             if len(samples):
                 self._pending += self._messages(sonde, order, topic, samples)
         self._pending.sort(key=lambda item: item[:2])
-        self._simulated_until += _BLOCK_S
+        self._simulated_until += self._block_s
         if sonde.string is not None:
             self._publish_quill(sonde, sonde.string.quill)
 
