@@ -18,12 +18,12 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
+from mcap.records import Attachment, Channel, Schema
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_metadata import BagMetadata, File, Topic
 from mwd_surface.bags.definitions import DefinitionError, Definitions, installed
-from mwd_surface.bags.mcap.records import Attachment, McapChannel, Schema
 from mwd_surface.bags.mcap.writer import McapWriter
 
 # Name of the metadata record of an MCAP file that repeats the contents of metadata.yaml.
@@ -34,7 +34,7 @@ ROSBAG2_RECORD = "rosbag2"
 class _Track:
     """One topic of one type, with its message count over all files of the bag."""
 
-    channel: McapChannel
+    channel: Channel
     schema: Schema
     type_hash: str
     qos: list[dict[str, Any]]
@@ -155,7 +155,7 @@ class BagWriter:
                 raise
         schema = self._schema(type_name, "ros2msg" if text else "", text)
         metadata = {"offered_qos_profiles": bag_metadata.qos_text(profiles), "topic_type_hash": type_hash}
-        channel = McapChannel(len(self._tracks) + 1, schema.id, name, "cdr", metadata)
+        channel = Channel(len(self._tracks) + 1, name, "cdr", metadata, schema.id)
         self.file.add_channel(channel)
         self._tracks[channel.id] = _Track(channel, schema, type_hash, profiles)
         self._by_name[name, type_name] = channel.id
@@ -183,7 +183,7 @@ class BagWriter:
             return self.topic(name, type_name, qos, type_hash, need_definition=False)
         schema = self._schema(type_name, encoding, definition)
         metadata = {"offered_qos_profiles": qos, "topic_type_hash": type_hash}
-        channel = McapChannel(len(self._tracks) + 1, schema.id, name, serialization, metadata)
+        channel = Channel(len(self._tracks) + 1, name, serialization, metadata, schema.id)
         self.file.add_channel(channel)
         try:
             profiles = bag_metadata.parse_qos(qos)
@@ -199,7 +199,7 @@ class BagWriter:
         data = text.encode()
         schema = self._schemas.get((type_name, data))
         if schema is None:
-            schema = Schema(len(self._schemas) + 1, type_name, encoding, data)
+            schema = Schema(len(self._schemas) + 1, data, encoding, type_name)
             self.file.add_schema(schema)
             self._schemas[type_name, data] = schema
         return schema

@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import NamedTuple
 
 import numpy as np
+from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Bytes
@@ -21,7 +22,7 @@ from mwd_sensors.core.compiled import compiled
 from mwd_surface.bags.bag_reader import Bag, Originals
 from mwd_surface.bags.bag_writer import ROSBAG2_RECORD, BagWriter
 from mwd_surface.bags.definitions import Definitions
-from mwd_surface.bags.mcap.records import MESSAGE_HEAD, MESSAGE_PREFIX, Opcode
+from mwd_surface.bags.mcap.records import MESSAGE_HEAD, MESSAGE_PREFIX
 
 Numbers = NDArray[np.int64]
 
@@ -113,7 +114,7 @@ class MergedBag:
                 dtype=np.uint16,
             )
             for item in bag.attachments():
-                self._writer.attach(item.name, item.media_type, item.data, item.log_ns)
+                self._writer.attach(item.name, item.media_type, item.data, item.log_time)
             for name, table in bag.metadata().items():
                 if name != ROSBAG2_RECORD:
                     self._writer.add_metadata(name, table)

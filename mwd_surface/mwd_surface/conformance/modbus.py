@@ -161,9 +161,7 @@ def _in_force(bench: Bench) -> tuple[ModbusPeer, int]:
     peer = bench.one()
     if not isinstance(peer, ModbusPeer):
         raise NotPossibleError("a case of Modbus")
-    lease = bench.take(peer)
-    bench.turning(peer, lease)
-    return peer, lease
+    return peer, bench.turning()
 
 
 def _stays(bench: Bench, lease: int, done: bool) -> tuple[bool, str]:

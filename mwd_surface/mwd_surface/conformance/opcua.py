@@ -69,8 +69,7 @@ class OpcuaConformance:
         ]
 
     def _write(self, bench: Bench) -> tuple[bool, str]:
-        lease = bench.take(bench.one())
-        bench.turning(bench.one(), lease)
+        bench.turning()
         from asyncua import ua
         from asyncua.ua.uaerrors import UaError
 
@@ -92,8 +91,7 @@ class OpcuaConformance:
         return False, "called"
 
     def _again(self, bench: Bench) -> tuple[bool, str]:
-        lease = bench.take(bench.one())
-        bench.turning(bench.one(), lease)
+        lease = bench.turning()
         self.peer(0).close()
         self.peer(0).open()
         taken = self.peer(0).send(lease, 2, Point(speed=0.9))

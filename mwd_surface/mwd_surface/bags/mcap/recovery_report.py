@@ -9,10 +9,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from mcap.opcode import Opcode
 
 from mwd_surface.bags.mcap.contents import Bare, Chunk, Contents, Damage, Other
 from mwd_surface.bags.mcap.reader import McapFile
-from mwd_surface.bags.mcap.records import FormatError, Opcode
+from mwd_surface.bags.mcap.records import FormatError
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from mwd_sensors.core import budgets
 from mwd_sensors.core.arrays import Bytes
 from mwd_sensors.core.compiled import compiled
-from mwd_surface.bags.mcap.records import MESSAGE_HEAD, MESSAGE_PREFIX, MESSAGE_RECORD_HEAD, PREFIX, RECORD_HEAD, Opcode
+from mwd_surface.bags.mcap.records import PREFIX, RECORD_HEAD, FormatError
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,52 +123,31 @@ def walk_records(data: Bytes) -> Walk:
     channel = np.empty(n, dtype=np.uint16)
     others = np.empty(min(m, budgets.MCAP.records or m), dtype=np.int64)
     n, m, end = _walk(data, offset, size, channel, log_ns, publish_ns, others)
-    return _possible(Walk(offset[:n], size[:n], channel[:n], log_ns[:n], publish_ns[:n], others[:m], end))
-
-
-def _possible(walk: Walk) -> Walk:
-    """
-    Return the walk without the messages that have an impossible (negative) log time; `impossible` is their number.
-
-    One flipped bit must not lose the other messages.
-    """
+    walk = Walk(offset[:n], size[:n], channel[:n], log_ns[:n], publish_ns[:n], others[:m], end)
+    # Leave out messages with an impossible (negative) log time: one flipped bit must not lose the other messages.
     possible = walk.log_ns >= 0
     if possible.all():
         return walk
     return dataclasses.replace(walk.at(possible), impossible=int((~possible).sum()))
 
 
-def walk_plain(data: Bytes) -> Walk:
-    """Return the records like `walk_records`, but without a compiled loop; for short arrays."""
-    view, end, at = data.tobytes(), len(data), 0
-    rows: list[tuple[int, int, int, int, int]] = []
-    others: list[int] = []
-    while at + PREFIX <= end:
-        opcode, length = RECORD_HEAD.unpack_from(view, at)
-        if length > end - at - PREFIX:
-            break
-        if opcode == Opcode.MESSAGE:
-            if length < MESSAGE_HEAD:
-                break
-            _, _, channel, _, log_ns, publish_ns = MESSAGE_RECORD_HEAD.unpack_from(view, at)
-            rows.append((at + MESSAGE_PREFIX, length - MESSAGE_HEAD, channel, log_ns, publish_ns))
-        elif len(others) == budgets.MCAP.records:
-            break
-        else:
-            others.append(at)
+def records_in(data: bytes) -> Iterator[tuple[int, memoryview]]:
+    """
+    Yield opcode and body of each record, without a compiled loop; for short data.
+
+    Raises
+    ------
+    FormatError
+        The data do not consist of records, or have more records than the budget.
+    """
+    view, at, count = memoryview(data), 0, 0
+    while at < len(data):
+        count += 1
+        opcode, length = RECORD_HEAD.unpack_from(view, at) if at + PREFIX <= len(data) else (0, len(data))
+        if length > len(data) - at - PREFIX or count > (budgets.MCAP.records or count):
+            raise FormatError("the summary is not made of records")
+        yield opcode, view[at + PREFIX : at + PREFIX + length]
         at += PREFIX + length
-    table = np.array(rows, dtype=np.uint64).reshape(len(rows), 5).astype(np.int64)
-    return _possible(
-        Walk(
-            table[:, 0],
-            table[:, 1],
-            table[:, 2].astype(np.uint16),
-            table[:, 3],
-            table[:, 4],
-            np.array(others, dtype=np.int64),
-            at,
-        )
-    )
 
 
 def records_at(data: Bytes, offsets: NDArray[np.int64]) -> list[tuple[int, memoryview]]:
