@@ -350,20 +350,15 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     @answering
     def _used_reference(self, request: Any, _response: Any) -> str:
         if not request.source.strip():
-            response.success, response.message = False, "source: must name where the field comes from"
-            return response
-        try:
-            reference = Reference(
-                total=request.total,
-                dip=request.dip,
-                declination=request.declination,
-                convergence=request.convergence,
-                gravity=or_none(request.gravity) or None,  # 0: a client left it out
-                source=request.source,
-            )
-        except ValueError as error:
-            response.success, response.message = False, str(error)
-            return response
+            raise ValueError("source: must name where the field comes from")
+        reference = Reference(
+            total=request.total,
+            dip=request.dip,
+            declination=request.declination,
+            convergence=request.convergence,
+            gravity=or_none(request.gravity) or None,  # 0: a client left it out
+            source=request.source,
+        )
         self._pipeline.set_reference(reference)
         self.get_logger().info(printable(f"reference field from {request.source}"))
         return f"reference field from {request.source}"

@@ -24,7 +24,7 @@ from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.nodes.telemetry import TelemetryTopics
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.deferred import answering
-from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
+from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
