@@ -44,8 +44,8 @@ def findings(
     Return the finding of each station of a run, computed with all other stations of the run.
 
     first: finding of each station when it was taken. Stations with repeated readings keep this finding, and are not
-    used for other stations. newest: number of the last stations to compute again; the stations before keep their
-    finding. None: all stations.
+    used for other stations.
+    newest: number of the last stations to compute again; the stations before keep their finding. None: all stations.
     progress: called after each seek with its number of stations, from any thread, one call at a time.
     threads: number of threads, without influence on the result.
     """

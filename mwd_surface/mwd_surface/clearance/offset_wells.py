@@ -173,8 +173,10 @@ def offset_well(
     """
     Return an offset well in the axes of the well being drilled, with the remarks about its list.
 
-    folder: folder of the file that names the offset wells. north: north of the axes. reference: local field of the well
-    being drilled. wellhead: northing and easting of the well being drilled, m, if its list has them.
+    folder: folder of the file that names the offset wells.
+    north: north of the axes.
+    reference: local field of the well being drilled.
+    wellhead: northing and easting of the well being drilled, m, if its list has them.
 
     Raises
     ------

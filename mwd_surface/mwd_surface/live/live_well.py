@@ -595,9 +595,10 @@ class SupervisionMonitor:
         """
         Raise and clear the alarms of the table; called once a second.
 
-        now: steady time, s. clock_difference: difference between the clocks of rig and sonde, s, None if unknown.
-        depth_difference: difference between the sources of depth, m, NaN if unknown. machine: readings of this
-        computer, by alarm id of their row.
+        now: steady time, s.
+        clock_difference: difference between the clocks of rig and sonde, s, None if unknown.
+        depth_difference: difference between the sources of depth, m, NaN if unknown.
+        machine: readings of this computer, by alarm id of their row.
         """
         last = {f"input.{topic}": at for topic, at in self._received_at.items()}
         last |= {f"heartbeat.{node}": at for node, at in self._beat_at.items()}

@@ -37,12 +37,16 @@ class Closure:
     """
     Closure error at a surveyed point; unknown numbers are NaN.
 
-    leg: leg of the hole that reaches the point. measured_depth: measured depth of the point, m. right, up, along:
-    components of the closure error, looking along the hole, m; negative if the path is to the left of the point, below
-    it, or short of it. sigma_right, sigma_up, sigma_along: 1 sigma of the path in these directions, m. sigma_point: 1
-    sigma of the point in each direction, m. distance: length of the closure error, m. probability: probability of an
-    error at least as large by chance. verdict: `CONSISTENT`, `DOUBTFUL`, `INCONSISTENT` or `UNKNOWN`. note: reason and
-    remedy if a number is unknown; otherwise empty.
+    leg: leg of the hole that reaches the point.
+    measured_depth: measured depth of the point, m.
+    right, up, along: components of the closure error, looking along the hole, m; negative if the path is to the left of
+    the point, below it, or short of it.
+    sigma_right, sigma_up, sigma_along: 1 sigma of the path in these directions, m.
+    sigma_point: 1 sigma of the point in each direction, m.
+    distance: length of the closure error, m.
+    probability: probability of an error at least as large by chance.
+    verdict: `CONSISTENT`, `DOUBTFUL`, `INCONSISTENT` or `UNKNOWN`.
+    note: reason and remedy if a number is unknown; otherwise empty.
     """
 
     leg: str

@@ -84,8 +84,10 @@ class DepthReading:
     """
     Depth of the sensor at a survey.
 
-    measured_depth, bit_depth: depth of the sensor and of the bit, m. depth_age: time between the survey and the depth
-    reading used, s. reason: why the depth is unknown, or empty. by_hand: whether a person entered the reading used.
+    measured_depth, bit_depth: depth of the sensor and of the bit, m.
+    depth_age: time between the survey and the depth reading used, s.
+    reason: why the depth is unknown, or empty.
+    by_hand: whether a person entered the reading used.
     """
 
     measured_depth: float = math.nan
