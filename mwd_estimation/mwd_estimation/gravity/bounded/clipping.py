@@ -81,9 +81,9 @@ def jump_gate(s: BoundedRecord) -> float:
 
     Above the gate, an innovation comes from a hidden shock more often than from chance. The square of a normal
     innovation exceeds x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). Hidden shocks
-    are assumed to occur at random with the frequency n of the visible shocks, without the part of these that is
-    vibration by chance: the probability of at least one shock within a time T is 1 - exp(-n T). Without shocks the gate
-    is `FARTHEST`.
+    are assumed to occur at random with the frequency n of the visible shocks, minus the frequency at which vibration
+    looks like a shock by chance. The probability of at least one shock within a time T is 1 - exp(-n T). Without shocks
+    the gate is `FARTHEST`.
 
     After a rotation was lost, a large innovation comes from a wrong roll more often than from a shock. The gate is then
     `NEVER`, because a filter that takes the innovation for a shock keeps the wrong roll.

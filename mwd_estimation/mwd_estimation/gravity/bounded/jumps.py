@@ -2,16 +2,16 @@
 """
 Jumps of the gyro bias and of the velocity, found from the innovations of the last seconds.
 
-The filter assumes that biases walk slowly and that the string stays in place. Three events contradict this: a gyro
-whose bias steps (by a blow, or a fault of its supply), a string that starts or stops along its hole, at once or within
-seconds, and a velocity that the accelerometers did not measure (a knock that clips them, or vibration that point
-samples alias to a slow force). Until the event is known, the filter takes it for a tilt. A jump is a hypothesis about
-one time in the last seconds. Its probability follows from the innovations since then (Willsky and Jones, A generalized
-likelihood ratio approach to the detection and estimation of jumps in linear systems, IEEE Trans. Autom. Control 21,
-1976). The information that innovations carry about an error at each earlier time comes from one backward pass (de Jong
-and Penzer, Diagnosing shocks in time series, J. Am. Stat. Assoc. 93, 1998). If one kind of jump is much more probable
-than the others and than no jump, the filter corrects the errors that the jump has caused since, and adds the covariance
-of the estimate.
+The filter assumes that biases walk slowly and that the string stays in place. Three events contradict this: the bias of
+a gyro steps (after a blow, or a fault of its supply); the string starts or stops to move along the hole within seconds;
+or the velocity changes without a measured force (a knock clips the accelerometers, or point samples alias vibration to
+a slow force). Until the event is known, the filter takes it for a tilt. A jump is a hypothesis about one time in the
+last seconds. Its probability follows from the innovations since then (Willsky and Jones, A generalized likelihood ratio
+approach to the detection and estimation of jumps in linear systems, IEEE Trans. Autom. Control 21, 1976). The
+information that innovations carry about an error at each earlier time comes from one backward pass (de Jong and Penzer,
+Diagnosing shocks in time series, J. Am. Stat. Assoc. 93, 1998). If one kind of jump is much more probable than the
+others and than no jump, the filter corrects the errors that the jump has caused since, and adds the covariance of the
+estimate.
 """
 
 from __future__ import annotations
