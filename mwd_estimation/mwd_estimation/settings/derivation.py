@@ -316,7 +316,7 @@ def with_code(settings: EstimatorSettings, found: Reference) -> Reference:
             "give the field of the IFR certificate (place.field fixed), or choose a code with SRGM, HRGM (HDGM) or "
             "LRGM (WMM, IGRF)"
         )
-    # Keep the sigmas of a certificate for this place; those of the tool code apply to all places.
+    # Keep the sigmas that a certificate states for this place; those of the tool code apply to all places.
     return found if place.source else tool_code.reference_for(code, found)
 
 

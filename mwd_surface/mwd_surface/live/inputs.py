@@ -26,7 +26,7 @@ SONDE, GAUGE, HAND, BLOCK = "sonde", "gauge", "hand", "block"
 # Difference above which two depths disagree, m: a third of a joint of drill pipe, well above the stretch of the string
 # and the rounding of a tally.
 DISAGREEMENT = 3.0
-_WINDOW = 60.0  # s; time in which the message with the shortest delay is sought
+_WINDOW = 60.0  # time in which the message with the shortest delay is sought, s
 
 
 class StampClock(enum.IntEnum):

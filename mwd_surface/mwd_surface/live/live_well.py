@@ -431,8 +431,8 @@ def _last_survey(surveys: SurveyList, *, magnetic: bool) -> AdviceBasis:
 # Slide sheet of a well: intervals of sliding and rotating drilling with their toolface, and the quill's angle.
 
 
-_ON_BOTTOM = 0.5  # m; a bit that is less than this above the end of the hole is drilling
-_ROTATING_SPEED = 10.0  # rad/s; assumed rotary speed if only the attitude's status shows that the tool rotates
+_ON_BOTTOM = 0.5  # largest distance of a drilling bit from the end of the hole, m
+_ROTATING_SPEED = 10.0  # assumed rotary speed if only the attitude's status shows that the tool rotates, rad/s
 _DEPTHS = RIG_VALID["bit_depth"] | RIG_VALID["hole_depth"]
 
 

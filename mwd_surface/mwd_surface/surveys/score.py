@@ -22,7 +22,7 @@ from mwd_sensors.core.input_files import check_regular
 from mwd_surface.bags.bag_reader import Bag, BagError
 
 SURVEY_TYPE = "mwd_msgs/msg/Survey"
-_NEAREST = 0.6  # s; longest time between a survey and the sample of the truth with which the survey is compared
+_NEAREST = 0.6  # longest time between a survey and the sample of the truth with which the survey is compared, s
 
 
 @dataclasses.dataclass(frozen=True)

@@ -26,7 +26,7 @@ from mwd_surface.trajectory.well_path import Definitive
 
 _PER_30_M = math.radians(1.0) / 30.0  # one degree per 30 m, in rad/m
 _YIELDS = 3  # number of latest intervals for the motor yield, which changes with formation and wear
-_LEAST_AHEAD = 1.0  # m; if less of the plan lies ahead of the bit, there is no advice
+_LEAST_AHEAD = 1.0  # shortest part of the plan ahead of the bit with which there is advice, m
 
 
 class AdviceMode(enum.IntEnum):

@@ -44,7 +44,7 @@ BIAS_STEP = 0.017
 # kinds: a change of the string's speed is soon certain with any prior, and a small knock is not more probable than a
 # step.
 EVERY = 3.6e5
-SURPRISE_TIME = 0.3  # s, memory of `BoundedRecord.surprise`
+SURPRISE_TIME = 0.3  # memory of `BoundedRecord.surprise`, s
 # Smallest value of `BoundedRecord.surprise`, the recent sum of squared innovations over their variances, at which the
 # search runs. A jump can only be more probable than no jump if the sum since the jump is above twice the logarithm of
 # the prior odds against the jump, which is 20 to 34.
@@ -54,7 +54,7 @@ SLOW_TIME, DENSITY_TIME, LEAST_DENSITY = 0.5, 10.0, 0.1
 # Kinds of jumps: a bias steps; the string starts or stops along its hole; the accelerometers miss a part of the
 # velocity; the string begins to accelerate along its hole.
 STEP, TRAVEL, KNOCK, RAMP, KINDS = 0, 1, 2, 3, 4
-RAMP_TIME = 1.0  # s, usual time in which a string reaches its speed
+RAMP_TIME = 1.0  # usual time in which a string reaches its speed, s
 # A jump is accepted if the logarithm of its odds exceeds the logarithm of the odds of each competing jump by more than
 # this. Jumps of the velocity do not compete with each other, because travel along the hole is a special knock.
 SURE = 5.0

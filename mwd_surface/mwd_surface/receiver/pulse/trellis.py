@@ -33,7 +33,10 @@ def _log_add(a: float, b: float) -> float:
 
 
 def values_of(packets: Indices) -> int:
-    """Return the number of columns of arrays that have one column for each value of a packet."""
+    """
+    Return the number of values of a packet in the code of the packets; arrays with one column per value have this
+    width.
+    """
     return _VALUES_RISING if packets[0, RISING] else _VALUES
 
 
