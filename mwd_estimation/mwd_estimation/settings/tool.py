@@ -30,7 +30,7 @@ class Gyro:
     noise_deg_sqrt_h: float = setting(
         0.42,
         "White noise (angle random walk). Raising it widens the sigma of a gyro-propagated azimuth. See the data "
-        "sheet, or from `mwd plot --what allan`.",
+        "sheet, or `mwd plot --what allan`.",
         unit="deg/sqrt(h)",
         low=0.0,
         high=100.0,
