@@ -117,7 +117,7 @@ def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
         spread = float(np.sum((at - middle) ** 2))
         drift = float(np.sum((at - middle) * (offset - mean)) / spread)
         scatter = float(np.sqrt(np.sum((offset - mean - drift * (at - middle)) ** 2) / (len(at) - 2)))
-        # The refinement is accurate to about a tenth of its grid, even if a few offsets agree better by chance.
+        # The scatter is at least a tenth of the step of the refinement; a few offsets may agree better by chance.
         scatter = math.hypot(scatter, 0.1 * _FINE_S)
         sigma, sigma_drift = scatter / math.sqrt(len(at)), scatter / math.sqrt(spread)
         if abs(drift) - 3.0 * sigma_drift > _MOST_DRIFT:

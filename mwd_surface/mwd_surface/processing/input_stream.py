@@ -541,7 +541,7 @@ def _without_delays(courses: list[_Course]) -> list[_Course]:
 
 
 def _knots(courses: list[_Course]) -> tuple[Stamps, NDArray[np.int64]]:
-    """Return log times and offsets, ns, of points between which the courses are interpolated."""
+    """Return log times and offsets, ns, of points; between them the offset is interpolated."""
     at_ns, offsets = [], []
     for course in courses:
         numbers = sorted(course.bins)

@@ -155,7 +155,7 @@ def received(
     tool: ToolConfiguration, item: SequenceItem, judged: Judged, span: tuple[float, float], place: WordPlace
 ) -> ReceivedWord:
     """
-    Return a received word from its judged codes.
+    Return a received word, made from its decoded code and the confidence in it.
 
     span: begin and end of the word, s.
     """
