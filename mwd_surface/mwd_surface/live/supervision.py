@@ -198,7 +198,7 @@ TABLE = (
         1.0,
         10.0,
         Severity.WARNING,
-        "free the disk, or move old recordings away",
+        "free space on the disk, or move old recordings away",
         "recording pauses at recorder.min_free_bytes and resumes by itself",
         "survey list, page and rig interfaces go on",
     ),
