@@ -72,7 +72,7 @@ class AdvisorySettings:
     )
     least_slide_m: float = setting(
         2.0,
-        "Shortest slide that is worth its set-up time; a shorter one is rotated instead.",
+        "Shortest slide that is worth its set-up time; the string rotates instead of a shorter slide.",
         unit="m",
         low=0.0,
         high=100.0,
