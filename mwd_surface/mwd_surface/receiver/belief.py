@@ -128,7 +128,7 @@ def second_tool(size: float, sigma: float, words: list[Soft]) -> float:
     size, sigma : float
         Size of the pulses of the sync relative to those of the words, and its 1 sigma.
     words : list of Soft
-        Words after the sync: parities that hold speak for a single tool.
+        Words after the sync: parities that hold are evidence for a single tool.
     """
     if not math.isfinite(sigma):
         return 0.0
