@@ -146,7 +146,6 @@ class Clearance:
         downhole, rad.
     bearing : ndarray, shape (n,)
         Toolface + azimuth: the same direction measured from north, rad, as used in travelling-cylinder plots.
-    rule : ClearanceRule
     not_compared : tuple of NotCompared
         Parts of both wells that lie above the compared paths.
     other : UncertainWell or None

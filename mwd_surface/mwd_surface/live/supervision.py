@@ -34,7 +34,6 @@ class SupervisionRow:
         Largest normal reading, in the unit of the reading.
     persistence_s : float
         Time for which a reading must be above the limit to raise the alarm, and within it to clear the alarm, s.
-    severity : Severity
     remedy : str
         Advice to the user.
     action, degraded : str

@@ -56,7 +56,6 @@ class Curve:
 
     Attributes
     ----------
-    channel, unit : str
     depth : ndarray, shape (n,)
         Middle of each step, m.
     value, sigma : ndarray, shape (n,)

@@ -171,7 +171,6 @@ class InputStream(SampleStream):
 
     Attributes
     ----------
-    topics : Topics
     problems : list of StreamProblem
         Reasons why the samples read so far cannot be used, although the first samples could.
     """
@@ -246,7 +245,6 @@ class RecordingStream:
     ----------
     names : list of str
         Resulting topics: the halves of an IMU become one topic, that of the gyro.
-    given : InputSettings
     """
 
     def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings) -> None:

@@ -53,7 +53,6 @@ class Soft:
 
     Attributes
     ----------
-    candidates : tuple of Candidate
     holds : float or None
         Probability that the parity of the word holds, computed without using the parity; None for a word without
         parity.

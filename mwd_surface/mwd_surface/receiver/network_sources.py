@@ -342,7 +342,6 @@ class WitsSource(_OfStream):
     ----------
     columns : mapping of str
         The item and its unit, such as {"pressure_psi": "0121"}.
-    clock : callable
 
     Raises
     ------

@@ -31,7 +31,6 @@ class ReceivedWord:
         Number of the pass of the sequence (all its words sent once), from 0, and index of the word in the pass.
     kind : str
         Kind of the sequence in which the word came: "survey" or "toolface".
-    name, unit : str
     raw : int
         Most probable code.
     value : float

@@ -32,17 +32,14 @@ class Scored:
 
     Attributes
     ----------
-    sequence : int
     measured_depth : float
         True depth of the sonde, m.
     inclination, azimuth : float
         True values.
-    measured_inclination, sigma_inclination : float
     raw, corrected, chosen : float or None
         Azimuth as measured, corrected for axial interference, and as reported by the survey.
     sigma_azimuth : float or None
         1 sigma of the reported azimuth.
-    verdict : Verdict
     action : str
         Main reason to act; empty for an accepted survey.
     """

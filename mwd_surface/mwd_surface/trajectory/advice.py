@@ -93,7 +93,6 @@ class Advice(MessageRecord):
 
     Attributes
     ----------
-    mode : AdviceMode
     toolface : float
         Toolface for mode SLIDE, rad, from the high side, or from north if `magnetic`; NaN for other modes.
     toolface_mode : int

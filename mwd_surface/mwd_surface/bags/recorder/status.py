@@ -53,7 +53,6 @@ class RecorderStatus(MessageRecord):
 
     Attributes
     ----------
-    state : RecorderState
     reason : str
         Reason of a pause or failure; otherwise empty.
     path : str
