@@ -130,7 +130,6 @@ def precision_sums(
 
     Parameters
     ----------
-    p, s : GyroAzimuthParams, GyroAzimuthState
     sums : BinSums
         Sums of the closed bin from the conventional unit.
     start : int

@@ -64,12 +64,12 @@ from mwd_sensors.ros.time_stamps import stamp
 
 # Topics of the other streams, whose samples are processed together with those of the conventional unit.
 _BESIDE = ("imu/mag", "gyro/data_raw", "imu/temperature")
-_BLOCK_PERIOD = 0.002  # s; longest time for which samples wait before they are processed together
-_INNOVATIONS_PERIOD = 1.0  # s; interval between messages of innovations and of used samples
-_SILENCE_PERIOD = 1.0  # s; interval between checks whether the samples have stopped
+_BLOCK_PERIOD = 0.002  # longest time for which samples wait before they are processed together, s
+_INNOVATIONS_PERIOD = 1.0  # interval between messages of innovations and of used samples, s
+_SILENCE_PERIOD = 1.0  # interval between checks whether the samples have stopped, s
 _FIELD = ("total", "dip", "declination", "convergence", "gravity", "source")
-_TF_PERIOD_NS = 50_000_000  # ns; shortest interval between transforms on /tf
-_LATELY_S = 10.0  # s; time without unused samples after which the warning about unused samples ends
+_TF_PERIOD_NS = 50_000_000  # shortest interval between transforms on /tf, ns
+_LATELY_S = 10.0  # time without unused samples after which the warning about unused samples ends, s
 
 
 class EstimatorNode(GraphNode[EstimatorSettings]):

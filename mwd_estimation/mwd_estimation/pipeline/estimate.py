@@ -50,7 +50,7 @@ from mwd_estimation.survey.static_survey import BIN_NS, Refusal
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Array, Samples
 
-_WEAKEST = 1e-9  # T; a magnetic sample is a measurement only if at least one component is larger
+_WEAKEST = 1e-9  # a magnetic sample is a measurement only if at least one component is larger, T
 # Number of samples in a row whose stamps are not later than the newest one, after which the stamps count as stopped. It
 # is more than the samples of a fast unit in a second, because single stamps may be wrong by a second
 # (`time_jumps.BACK_NS`).

@@ -56,9 +56,9 @@ _REST_RATE = 0.01
 # non_magnetic: AMIL of the tool code; short: poles of 1000 uWb about 7 m away; steel: steel pipe around the
 # magnetometer.
 _STRINGS_NT = {"non_magnetic": (220.0, 0.0), "short": (1500.0, 0.0), "steel": (3000.0, 1000.0)}
-# Probability that steel pipe has another field at a station than at the other stations of the run, so that the measured
-# field is rotated with unchanged total and dip: in the field case of S1 this happened at each station of table 2, by 18
-# to 23 deg, and at no station of table 1.
+# Probability that the field of steel pipe at a station differs from that at the other stations of the run, and rotates
+# the measured field without changing its total and dip. In the field case of S1 this happened at each station of table
+# 2, by 18 to 23 deg, and at no station of table 1.
 _OF_STEEL = 0.3
 # 1 sigma of noise, scale error and soft iron of a magnetometer across the axis, nT: 0.1 to 0.2 % of the Earth's field.
 _MAG_SCATTER_NT = 100.0
@@ -316,7 +316,7 @@ def with_code(settings: EstimatorSettings, found: Reference) -> Reference:
             "give the field of the IFR certificate (place.field fixed), or choose a code with SRGM, HRGM (HDGM) or "
             "LRGM (WMM, IGRF)"
         )
-    # Keep the sigmas of a certificate for this place; those of the tool code apply to all places.
+    # Keep the sigmas that a certificate states for this place; those of the tool code apply to all places.
     return found if place.source else tool_code.reference_for(code, found)
 
 

@@ -30,7 +30,7 @@ class Gyro:
     noise_deg_sqrt_h: float = setting(
         0.42,
         "White noise (angle random walk). Raising it widens the sigma of a gyro-propagated azimuth. See the data "
-        "sheet, or from `mwd plot --what allan`.",
+        "sheet, or `mwd plot --what allan`.",
         unit="deg/sqrt(h)",
         low=0.0,
         high=100.0,
@@ -90,7 +90,7 @@ class Accelerometer:
     bias_ug_per_c: float = setting(
         10.0,
         "Growth of the bias beyond the temperatures of calibration, 1 sigma. Raising it widens the sigmas of surveys "
-        "there. From calibrations at several temperatures.",
+        "there. Calibrations at several temperatures show it.",
         unit="ug/degC",
         low=0.0,
         high=1e4,
@@ -156,7 +156,7 @@ class Magnetometer:
     bias_nt_per_c: float = setting(
         1.0,
         "Growth of the bias beyond the temperatures of calibration, 1 sigma. Raising it widens the sigmas of surveys "
-        "there. From calibrations at several temperatures.",
+        "there. Calibrations at several temperatures show it.",
         unit="nT/degC",
         low=0.0,
         high=1e3,

@@ -39,7 +39,7 @@ class QualitySettings:
         (2.5, 300.0, 0.45),
         "Custom limits on the deviations of total gravity (mG), total field (nT) and dip (deg) from the reference. "
         "Beyond the limit of gravity a survey is doubtful, beyond the limit of field or dip its azimuth; beyond 1.5 "
-        "times the limit it is rejected. Raising them accepts worse accelerometers and more interference.",
+        "times the limit they are rejected. Raising them accepts worse accelerometers and more interference.",
         unit="mG, nT, deg",
         low=0.01,
         high=10000.0,

@@ -21,7 +21,7 @@ from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
 
-_PERIOD = 0.002  # s; time between two reads of the line
+_PERIOD = 0.002  # time between two reads of the line, s
 _TYPES = {
     "imu/temperature": Temperature,
     "gyro/data_raw": Imu,

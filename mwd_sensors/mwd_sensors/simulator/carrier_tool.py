@@ -40,7 +40,6 @@ class CarrierSent:
 
     Attributes
     ----------
-    words : tuple of SentWord
     spans : tuple of CarrierSpan
         Spans of symbols in order of time.
     frequency_hz, symbol_s : float

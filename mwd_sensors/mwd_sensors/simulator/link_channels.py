@@ -68,7 +68,6 @@ class Heard(NamedTuple):
 
     Attributes
     ----------
-    link : str
     start_s, period_s : float
         Simulation time of the first sample, s, and time between samples, s.
     values : ndarray, shape (n,)

@@ -60,15 +60,16 @@ class Downlink:
     )
     depth: float = setting(
         0.4,
-        "Distance of the lowest level below the drilling value, as a share of it; 0.4 suits rotation, 0.2 flow. "
-        "Raise it if commands are missed; the rig then changes more, and flow must stay above the tool's threshold.",
+        "Largest reduction of rotary speed or flow in a command, as a share of the value while drilling; 0.4 suits "
+        "rotation, 0.2 flow. Raise it if commands are missed; the rig then changes more, and flow must stay above the "
+        "tool's threshold.",
         low=0.02,
         high=0.9,
     )
     least: float = setting(
         0.0,
-        "Lowest drilling value at which commands are sent and accepted: rad/s of rotation, m^3/s of flow. 0 means 4 "
-        "rad/s or 0.01 m^3/s. Raise it if noise at a low value looks like commands.",
+        "Lowest rotary speed (rad/s) or flow (m^3/s) while drilling at which commands are sent and accepted. 0 means "
+        "4 rad/s or 0.01 m^3/s. Raise it if noise at a low value looks like commands.",
         unit="rad/s or m^3/s",
         low=0.0,
         high=100.0,

@@ -107,7 +107,6 @@ def encode(
         Number that rises by one with each frame; its low 8 bits are sent.
     codes : sequence of int
         Codes of the words, including parity bits.
-    items : sequence of SequenceItem
     start : int
         Start value of the check.
     """

@@ -296,7 +296,6 @@ def encode(
 
     Parameters
     ----------
-    items : tuple of SequenceItem
     codes : tuple of int
         Value of each word without parity; None for a missing measurement.
     number : int, optional

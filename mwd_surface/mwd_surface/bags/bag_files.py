@@ -498,7 +498,6 @@ class DatabaseFiles:
 
     Parameters
     ----------
-    files : list of Path
     scratch : callable
         Returns a temporary folder that exists as long as the bag is open.
 

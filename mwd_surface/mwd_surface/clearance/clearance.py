@@ -105,8 +105,10 @@ class NotCompared:
     """
     Part of a well that was not compared with the other well.
 
-    well: name of the well. from_md, to_md: measured depths, m. reason: why the part was not compared. shared: whether
-    the user stated that both wells are the same hole there, so that no comparison is missing.
+    well: name of the well.
+    from_md, to_md: measured depths, m.
+    reason: why the part was not compared.
+    shared: whether the user stated that both wells are the same hole there, so that no comparison is missing.
     """
 
     well: str
@@ -144,7 +146,6 @@ class Clearance:
         downhole, rad.
     bearing : ndarray, shape (n,)
         Toolface + azimuth: the same direction measured from north, rad, as used in travelling-cylinder plots.
-    rule : ClearanceRule
     not_compared : tuple of NotCompared
         Parts of both wells that lie above the compared paths.
     other : UncertainWell or None

@@ -173,8 +173,10 @@ def offset_well(
     """
     Return an offset well in the axes of the well being drilled, with the remarks about its list.
 
-    folder: folder of the file that names the offset wells. north: north of the axes. reference: local field of the well
-    being drilled. wellhead: northing and easting of the well being drilled, m, if its list has them.
+    folder: folder of the file that names the offset wells.
+    north: north of the axes.
+    reference: local field of the well being drilled.
+    wellhead: northing and easting of the well being drilled, m, if its list has them.
 
     Raises
     ------
@@ -228,9 +230,10 @@ def clearances(
     """
     Return the clearance to each offset well, smallest separation factor first, and the remarks about all offset wells.
 
-    Remarks name the wells or parts that are not compared, with the reason, the assumptions made when reading their
-    lists, and wells with stations so far apart that the hole between is hardly known. quoting: whether a remark may
-    quote contents of a file that cannot be read.
+    Remarks name what is not compared and why, assumptions about the lists, and wells whose stations are so far apart
+    that the hole between them is hardly known.
+
+    quoting: whether a remark may quote contents of a file that cannot be read.
 
     Raises
     ------

@@ -32,7 +32,6 @@ class WellClearance:
         Clearances, smallest separation factor first.
     remarks : tuple of Remark
         Parts that were not compared, and all assumptions made for the lists of the well, the plan and the offset wells.
-    rule : ClearanceRule
     refused : tuple of str
         Names of the offset wells that could not be compared, so that their separation is unknown.
     """

@@ -22,9 +22,11 @@ class RunOptions:
     """
     Options for running the graph.
 
-    port: port of the page; None: a free port. rig: whether rig interfaces are on. hold: whether the graph continues to
-    run after the scenario. words: ROS arguments for every node. single_process: whether sonde, estimator and surface
-    share one process.
+    port: port of the page; None: a free port.
+    rig: whether rig interfaces are on.
+    hold: whether the graph continues to run after the scenario.
+    words: ROS arguments for every node.
+    single_process: whether sonde, estimator and surface share one process.
     """
 
     port: int | None

@@ -110,7 +110,7 @@ class Interface(Protocol):
         """Return the public state of the authority."""
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return the additional cases of this interface: title, expected result, and function."""
+        """Return the test cases that only this interface has: title, expected result, and function."""
 
     def close(self) -> None:
         """Close all clients."""

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from mwd_surface.conformance.bench import Bench, ControlAnswer, NotPossibleError, Point, View, Wish
 
-_PATIENCE_S = 20.0  # s; longest time for an answer of the server
-_LAG_S = 0.5  # s; longer than the period of 0.1 s at which the variables are updated
+_PATIENCE_S = 20.0  # longest time for an answer of the server, s
+_LAG_S = 0.5  # wait for an update of the variables, s; longer than their period of 0.1 s
 _NAMESPACE = "http://ddhub.no/MWDSurveyManifest/Variables/"
 
 
@@ -61,7 +61,7 @@ class OpcuaConformance:
         return View(lease, mode, sequence, speed, turn, pending)
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return the additional cases of this interface."""
+        """Return the test cases that only this interface has."""
         return [
             ("a variable of control is written", "refused by the server", self._write),
             ("a method with an argument missing", "refused by the server", self._missing),

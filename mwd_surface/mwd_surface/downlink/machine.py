@@ -334,7 +334,7 @@ class Machine:
                 self._go(DownlinkState.GRANTED, self.blocked_by[0], "", now)
             return
         if self.state == DownlinkState.GRANTED:
-            self._go(DownlinkState.ARMED, "all interlocks hold: waiting for a steady drilling value", "", now)
+            self._go(DownlinkState.ARMED, "all interlocks hold: waiting for a steady flow or rotary speed", "", now)
         self._steady.append((now, value))
         values = [one for _, one in self._steady]
         if max(values) - min(values) > _STEADY * max(values):

@@ -50,8 +50,8 @@ class DownlinkSettings:
     )
     tolerance: float = setting(
         0.08,
-        "Deviation of flow or rotation from the set-point, as a share of the drilling value, that counts as "
-        "operator input after 2 s. Raise it where the rig's gauges are inaccurate.",
+        "Deviation of flow or rotation from the set-point, as a share of the value before the command, that counts "
+        "as operator input after 2 s. Raise it where the rig's gauges are inaccurate.",
         low=0.01,
         high=0.5,
         expert=True,

@@ -431,8 +431,8 @@ def _last_survey(surveys: SurveyList, *, magnetic: bool) -> AdviceBasis:
 # Slide sheet of a well: intervals of sliding and rotating drilling with their toolface, and the quill's angle.
 
 
-_ON_BOTTOM = 0.5  # m; a bit that is less than this above the end of the hole is drilling
-_ROTATING_SPEED = 10.0  # rad/s; assumed rotary speed if only the attitude's status shows that the tool rotates
+_ON_BOTTOM = 0.5  # largest distance of a drilling bit from the end of the hole, m
+_ROTATING_SPEED = 10.0  # assumed rotary speed if only the attitude's status shows that the tool rotates, rad/s
 _DEPTHS = RIG_VALID["bit_depth"] | RIG_VALID["hole_depth"]
 
 
@@ -598,9 +598,10 @@ class SupervisionMonitor:
         """
         Raise and clear the alarms of the table; called once a second.
 
-        now: steady time, s. clock_difference: difference between the clocks of rig and sonde, s, None if unknown.
-        depth_difference: difference between the sources of depth, m, NaN if unknown. machine: readings of this
-        computer, by alarm id of their row.
+        now: steady time, s.
+        clock_difference: difference between the clocks of rig and sonde, s, None if unknown.
+        depth_difference: difference between the sources of depth, m, NaN if unknown.
+        machine: readings of this computer, by alarm id of their row.
         """
         last = {f"input.{topic}": at for topic, at in self._received_at.items()}
         last |= {f"heartbeat.{node}": at for node, at in self._beat_at.items()}

@@ -19,7 +19,7 @@ class SourceRules:
     priority: list[str] = setting(
         ["rig_floor", OPCUA, WITS, MODBUS],
         "Sources of rig data, the preferred one first. A source is named by the frame of its messages without "
-        "prefix: rig_floor is a ROS publisher, the others are our rig interfaces. A source that is not in the list "
+        "prefix: rig_floor is a ROS publisher, the others are the rig interfaces. A source that is not in the list "
         "is used only while none of these sends, and an alarm names it.",
     )
     silent_after: float = setting(

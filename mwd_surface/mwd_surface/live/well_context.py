@@ -80,11 +80,8 @@ class WellContext:
 
     Attributes
     ----------
-    clock : WellClock
     live : LiveState
         State of the well for page and rig interfaces.
-    alarm_log : AlarmLog
-    outlet : WellOutlet
     """
 
     clock: WellClock

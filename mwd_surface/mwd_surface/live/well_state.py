@@ -69,7 +69,6 @@ class AttitudeState:
         Toolfaces of the last sample; None if the sample does not define them.
     status : Status
         Status of the last sample.
-    north : North
     stamp_ns : int or None
         Stamp of the last sample, ns; None before the first sample.
     """
@@ -110,9 +109,6 @@ class ToolfaceState:
 
     Attributes
     ----------
-    angle : LiveValue
-    mode : ToolfaceMode
-    rotating : bool
     stamp_ns : int or None
         Stamp of the last sample, ns; None before the first sample.
     measured_ns : int or None
@@ -120,7 +116,6 @@ class ToolfaceState:
         measured.
     readings : tuple of DialReading
         Toolfaces on the dial, oldest first.
-    advisory : Advisory or None
     threshold : float or None
         Inclination, rad, below which the mode is MAGNETIC; None if unknown.
     """
@@ -326,7 +321,6 @@ class WellState:
         State of the downlink command to the tool.
     inputs : InputTable
         Clock offsets and ages of the inputs, and the source of the depth.
-    recorder : RecorderStatus or None
     diagnostics : tuple of NodeDiagnostic
         Diagnostics of the nodes, worst first.
     events : tuple of Event

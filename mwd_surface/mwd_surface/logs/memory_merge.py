@@ -36,7 +36,6 @@ class Improvement:
 
     Attributes
     ----------
-    channel : str
     steps, before, filled, lost : int
         Numbers of depth steps: with a value in the merged log; with a value in the merged log and in the run's log;
         with a value from the memory only; with a value in the run's log only.

@@ -176,7 +176,7 @@ class ControlServer:
             self._numbers.reserve(self.authority.upcoming)
         except OSError as error:
             text = f"numbers of leases are not saved: {error}"
-            self._context.alarm_log.raise_alarm("control.unsaved", Severity.WARNING, text, "free the disk")
+            self._context.alarm_log.raise_alarm("control.unsaved", Severity.WARNING, text, "free space on the disk")
         else:
             self._context.alarm_log.clear_alarm("control.unsaved")
 

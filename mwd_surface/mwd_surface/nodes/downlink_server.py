@@ -256,7 +256,7 @@ class DownlinkServer:
             self._memory.write(Kept.of(machine))
         except OSError as error:
             text = f"the tool's settings are not saved: {error}"
-            self._context.alarm_log.raise_alarm("downlink.unsaved", Severity.WARNING, text, "free the disk")
+            self._context.alarm_log.raise_alarm("downlink.unsaved", Severity.WARNING, text, "free space on the disk")
         else:
             self._context.alarm_log.clear_alarm("downlink.unsaved")
 

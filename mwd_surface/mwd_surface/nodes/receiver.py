@@ -381,7 +381,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
 # Samples per time unit of the code, or per carrier period: more than in the receiver's grid, as with a real gauge.
 _SAMPLES = 100.0
-_NOISE = 0.1  # standard deviation relative to the amplitude; the noise model needs some noise
+_NOISE = 0.1  # 1 sigma of the added noise, as a share of the amplitude; the noise model needs some noise
 
 
 def warm_up(tools: Iterable[ToolConfiguration]) -> None:

@@ -147,7 +147,10 @@ class RigBridge:
         if self._status_error:
             found.append(
                 Diagnostic(
-                    "rig status file", WARN, self._status_error, "free the disk; writing is retried every second"
+                    "rig status file",
+                    WARN,
+                    self._status_error,
+                    "free space on the disk; writing is retried every second",
                 )
             )
         for one in self._port.status():

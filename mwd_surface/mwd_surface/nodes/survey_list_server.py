@@ -281,7 +281,7 @@ class SurveyListServer(SurveyBook):
         except StoreError as error:
             # Saving is retried every second: raise the alarm only once for an error.
             if str(error) != self._save_error:
-                remedy = "free the disk; writing is retried every second"
+                remedy = "free space on the disk; writing is retried every second"
                 self._alarm_log.raise_alarm("surveys.unsaved", Severity.CRITICAL, str(error), remedy)
             self._save_error = str(error)
             return

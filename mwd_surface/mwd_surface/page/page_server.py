@@ -406,7 +406,7 @@ class PageServer:
                     break
         finally:
             self._feed.clients.discard(client)
-            # Close the socket before cancelling: in Python 3.11 a wait that ends while it is cancelled swallows the
+            # Close the socket before cancelling: in Python 3.11 a wait that ends while it is cancelled loses the
             # cancellation, and the sender would continue; a closed socket ends it anyway. When the page stops, this may
             # run before the closing message of `_serve`.
             await talk.close(code=1001 if self._stop is not None and self._stop.is_set() else 1000)

@@ -80,10 +80,8 @@ class Comparison:
 
     Attributes
     ----------
-    stations : tuple of StationDifference
     missing, extra : tuple of str
         Stations only in the expected run, or only in this run, as "number at depth".
-    statistics : tuple of DifferenceStatistics
     rows, rows_missing, rows_extra : int
         Number of samples in both runs; only in the expected run; only in this run.
     status_differs : int

@@ -171,7 +171,6 @@ class InputStream(SampleStream):
 
     Attributes
     ----------
-    topics : Topics
     problems : list of StreamProblem
         Reasons why the samples read so far cannot be used, although the first samples could.
     """
@@ -246,7 +245,6 @@ class RecordingStream:
     ----------
     names : list of str
         Resulting topics: the halves of an IMU become one topic, that of the gyro.
-    given : InputSettings
     """
 
     def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings) -> None:
@@ -541,7 +539,7 @@ def _without_delays(courses: list[_Course]) -> list[_Course]:
 
 
 def _knots(courses: list[_Course]) -> tuple[Stamps, NDArray[np.int64]]:
-    """Return log times and offsets, ns, of points between which the courses are interpolated."""
+    """Return log times and offsets, ns, of points; between them the offset is interpolated."""
     at_ns, offsets = [], []
     for course in courses:
         numbers = sorted(course.bins)

@@ -70,7 +70,6 @@ class Inspection:
 
     Attributes
     ----------
-    topics : Topics
     times : dict of str to StreamTimes
         Times of each topic used.
     frames : dict of str to str

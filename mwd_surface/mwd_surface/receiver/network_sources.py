@@ -29,7 +29,7 @@ from mwd_surface.rig.wits import format as wits
 
 _RETRY_S = 2.0  # time between two attempts to connect, s
 _MOST_AT_ONCE = 1 << 20  # bytes read per call
-_LONGEST_LINE = 4096  # bytes; a longer line is not a row of a table
+_LONGEST_LINE = 4096  # longest line that can be a row of a table, bytes
 _HEAD_LINES = 20  # number of first lines from which the format is determined
 _LONGEST_HEAD = 2000  # largest number of lines that are kept while their format is not known
 _SILENT_LINES = 20  # number of lines in a row without a pressure that is reported as a failure
@@ -342,7 +342,6 @@ class WitsSource(_OfStream):
     ----------
     columns : mapping of str
         The item and its unit, such as {"pressure_psi": "0121"}.
-    clock : callable
 
     Raises
     ------

@@ -190,7 +190,8 @@ def pump_noise(
     plain = lines(noise, known, memory, np.zeros((0, len(noise))))
     if angles is None or not len(angles):
         return plain, False
-    # If the counter has jitter, or the pumps beat, subtraction with the strokes can be worse than without them.
+    # If the counter has jitter, or two pumps have nearly the same rate, subtraction with the strokes can be worse than
+    # without them.
     counted = lines(noise, known, memory, angles)
     root = np.sqrt(known)
     unexplained = [prediction_error_filter(noise - one, root, _ORDER, _FLOOR)[1] for one in (plain, counted)]

@@ -118,8 +118,8 @@ def clock_of_digits(numbers: Array) -> Array | None:
     """
     Return the seconds of the day of numbers HHMMSS.ff; None unless their steps show that they are a clock.
 
-    Numbers are a clock if none has more than 59 minutes or seconds and the minute goes from 59 s to 100, as from
-    5959.99 to 10000, in the usual step of the clock. Within one minute a clock and plain seconds have the same steps.
+    Numbers are a clock if none has more than 59 minutes or seconds, and if a new minute or hour (5959.99 to 10000)
+    comes after the usual step of the clock. Within one minute a clock and plain seconds have the same steps.
     """
     known = np.isfinite(numbers)
     own = numbers[known]

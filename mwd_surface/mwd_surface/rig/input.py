@@ -56,9 +56,10 @@ class RigInputCounts:
     """
     Counts of rig data.
 
-    taken: samples returned. refused: impossible values, and depths of a bit below the bottom of the hole. held: depth
-    readings that were not accepted because they jump or have an earlier stamp, and are not confirmed. hurried: sets of
-    readings dropped because their stamp is earlier than the last sample, or too soon after it.
+    taken: samples returned.
+    refused: impossible values, and depths of a bit below the bottom of the hole.
+    held: depth readings that were not accepted because they jump or have an earlier stamp, and are not confirmed.
+    hurried: sets of readings dropped because their stamp is earlier than the last sample, or too soon after it.
     """
 
     taken: int = 0

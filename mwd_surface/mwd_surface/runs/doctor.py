@@ -173,7 +173,7 @@ def messages() -> CheckResult:
 
 def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
     """
-    Return MISSING if another ROS distribution is sourced, NOTE if AMENT_PREFIX_PATH adds to the wheels, else OK.
+    Return MISSING if another ROS distribution is sourced, NOTE if AMENT_PREFIX_PATH names other folders, else OK.
 
     Packages of another installation would be mixed with those of this Python.
     """

@@ -30,7 +30,7 @@ SUPERVISOR_VARIABLE = "MWD_SUPERVISOR"
 REFUSED = 2  # exit status of a process whose settings are invalid: a restart would not help
 
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.5, 10.0  # pause from a crash to the restart, s
-_SETTLED = 20.0  # s; after a process has run for this time, its count of crashes begins again
+_SETTLED = 20.0  # run time of a process after which its count of crashes begins again, s
 _MOST_CRASHES = 5  # crashes in a row after which a process counts as failing
 _SLOW_PAUSE = 30.0  # time between attempts to start a failing process, s
 _MARGIN = 2.0  # time in which a node that hangs, even in native code, reports where it hangs and ends itself, s

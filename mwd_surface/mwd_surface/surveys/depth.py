@@ -28,7 +28,7 @@ _REMEMBERED = 100  # number of rejected readings, and of jumps, that are kept to
 _COMPARED = 60
 _FEWEST = 10  # smallest number of readings with which the clocks are compared
 _BY_HAND = "or give the depth by hand"
-_NEW_START_NS = 60_000_000_000  # ns; a sonde whose time goes back by more than this has restarted
+_NEW_START_NS = 60_000_000_000  # step back of the time from which a sonde has restarted, ns
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,8 +90,10 @@ class DepthReading:
     """
     Depth of the sensor at a survey.
 
-    measured_depth, bit_depth: depth of the sensor and of the bit, m. depth_age: time between the survey and the depth
-    reading used, s. reason: why the depth is unknown, or empty. by_hand: whether a person entered the reading used.
+    measured_depth, bit_depth: depth of the sensor and of the bit, m.
+    depth_age: time between the survey and the depth reading used, s.
+    reason: why the depth is unknown, or empty.
+    by_hand: whether a person entered the reading used.
     """
 
     measured_depth: float = math.nan

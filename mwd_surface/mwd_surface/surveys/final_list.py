@@ -49,9 +49,11 @@ class Overlap:
     """
     An interval that two sources cover.
 
-    from_m, to_m: measured depths, m. used, left_out: names of the sources. sigma_used, sigma_left_out: semi-major axis
-    of the horizontal error ellipse at to_m, 1 sigma, m, of the path with each source. apart: depths, m, at which the
-    two paths differ by more than the 99.9 % limit of their uncertainties.
+    from_m, to_m: measured depths, m.
+    used, left_out: names of the sources.
+    sigma_used, sigma_left_out: semi-major axis of the horizontal error ellipse at to_m, 1 sigma, m, of the path with
+    each source.
+    apart: depths, m, at which the two paths differ by more than the 99.9 % limit of their uncertainties.
     """
 
     from_m: float

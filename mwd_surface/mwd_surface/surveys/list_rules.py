@@ -16,7 +16,8 @@ class ListRules:
 
     automatic: bool = setting(
         True,
-        "Accept a survey that passes the acceptance criteria at once. If false, every survey waits for an operator.",
+        "Accept a survey automatically if it passes the acceptance criteria. If false, every survey waits for an "
+        "operator.",
     )
     same_depth: float = setting(
         0.5,

@@ -61,10 +61,13 @@ class Total:
     """
     One total of a survey: gravity, m/s^2, field, T, or dip, rad.
 
-    read: measured value, None without that sensor. value: value that is judged. reference: reference value, None if
-    there is none. deviation: value minus reference as used by the verdict, None if either is unknown. limit: largest
-    absolute deviation that is good. light: GOOD, DOUBTFUL or REJECT; NO_REFERENCE or NOT_MEASURED if no judgement is
-    possible. corrected: whether `value` excludes the string's field.
+    read: measured value, None without that sensor.
+    value: value that is judged.
+    reference: reference value, None if there is none.
+    deviation: value minus reference as used by the verdict, None if either is unknown.
+    limit: largest absolute deviation that is good.
+    light: GOOD, DOUBTFUL or REJECT; NO_REFERENCE or NOT_MEASURED if no judgement is possible.
+    corrected: whether `value` excludes the string's field.
     """
 
     name: str

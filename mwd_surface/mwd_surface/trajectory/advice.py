@@ -26,7 +26,7 @@ from mwd_surface.trajectory.well_path import Definitive
 
 _PER_30_M = math.radians(1.0) / 30.0  # one degree per 30 m, in rad/m
 _YIELDS = 3  # number of latest intervals for the motor yield, which changes with formation and wear
-_LEAST_AHEAD = 1.0  # m; if less of the plan lies ahead of the bit, there is no advice
+_LEAST_AHEAD = 1.0  # shortest part of the plan ahead of the bit with which there is advice, m
 
 
 class AdviceMode(enum.IntEnum):
@@ -72,7 +72,7 @@ class AdvisorySettings:
     )
     least_slide_m: float = setting(
         2.0,
-        "Shortest slide that is worth its set-up time; a shorter one is rotated instead.",
+        "Shortest slide that is worth its set-up time; the string rotates instead of a shorter slide.",
         unit="m",
         low=0.0,
         high=100.0,
@@ -93,7 +93,6 @@ class Advice(MessageRecord):
 
     Attributes
     ----------
-    mode : AdviceMode
     toolface : float
         Toolface for mode SLIDE, rad, from the high side, or from north if `magnetic`; NaN for other modes.
     toolface_mode : int

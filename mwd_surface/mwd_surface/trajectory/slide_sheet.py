@@ -18,7 +18,7 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.trajectory.well_path import Definitive
 
 SLIDE, ROTATE = "slide", "rotate"
-_LONGEST_STEP = 30.0  # m; a larger step between two readings of the hole depth is not counted as drilling
+_LONGEST_STEP = 30.0  # largest step between two readings of the hole depth that counts as drilling, m
 
 
 @dataclasses.dataclass(frozen=True)

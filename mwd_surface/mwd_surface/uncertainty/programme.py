@@ -146,9 +146,10 @@ class ProgrammeStations:
     """
     Data of the stations for the programme, one entry per station.
 
-    md, shape (n,): measured depth, m. sigmas, shape (n, 2): 1 sigma of inclination and azimuth of each station, rad,
-    NaN if unknown. measured: True for stations, False for projected or planned points. legs, tools, methods: leg,
-    serial number of the tool, method of the azimuth; empty text if unknown.
+    md, shape (n,): measured depth, m.
+    sigmas, shape (n, 2): 1 sigma of inclination and azimuth of each station, rad, NaN if unknown.
+    measured: True for stations, False for projected or planned points.
+    legs, tools, methods: leg, serial number of the tool, method of the azimuth; empty text if unknown.
     """
 
     md: Array

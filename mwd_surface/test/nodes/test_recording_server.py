@@ -31,8 +31,8 @@ def test_a_recording_that_cannot_start_is_named_with_its_own_remedy(tmp_path):
     (shown,) = full.diagnostics()
     assert shown.level != 0
     assert "not recording" in shown.message
-    assert "free the disk" in shown.remedy
-    assert [alarm.id for alarm in log.alarms()] == ["recording.start"]
+    assert "free space on the disk" in shown.remedy
+    assert [alarm.id for alarm in book.alarms()] == ["recording.start"]
     full.close()
 
 

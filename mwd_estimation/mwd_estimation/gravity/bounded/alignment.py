@@ -25,18 +25,18 @@ from mwd_estimation.gravity.bounded.state import (
 from mwd_sensors.core.arrays import Vector
 from mwd_sensors.core.compiled import compiled
 
-START_TIME = 0.3  # s, time over which forces are averaged
-CORRELATED = 0.05  # s, correlation time of the scatter of the force
-START_SIGMA = 0.06  # rad, smallest sigma of the first tilt
-START_SPEED = 0.5  # m/s, 1 sigma of the velocity at a start; its variance doubles for a force scatter of 1 g
-START_PLACE = 0.1  # m, 1 sigma of the displacement at a start
-KEPT_SIGMA = 0.05  # rad, added to the sigma of an inclination that is kept from before a restart
-LOST_AFTER = 1.0  # s, smallest averaging time of the mean force for detecting a lost attitude
-LOST_FORCE2 = 25.0  # (m/s^2)^2, largest square of the mean non-gravity force at which the attitude is not lost
+START_TIME = 0.3  # time over which forces are averaged, s
+CORRELATED = 0.05  # correlation time of the scatter of the force, s
+START_SIGMA = 0.06  # smallest sigma of the first tilt, rad
+START_SPEED = 0.5  # 1 sigma of the velocity at a start, m/s; its variance doubles for a force scatter of 1 g
+START_PLACE = 0.1  # 1 sigma of the displacement at a start, m
+KEPT_SIGMA = 0.05  # added to the sigma of an inclination that is kept from before a restart, rad
+LOST_AFTER = 1.0  # smallest averaging time of the mean force for detecting a lost attitude, s
+LOST_FORCE2 = 25.0  # largest square of the mean non-gravity force at which the attitude is not lost, (m/s^2)^2
 # 1/s, factor on the density of white force; the product is added to LOST_FORCE2, because the mean of white force is not
 # exactly zero.
 WHITE2 = 9.0
-LIKE_GRAVITY = 0.5  # m/s^2, largest difference in length between gravity and a mean force that counts as gravity
+LIKE_GRAVITY = 0.5  # largest difference in length between gravity and a mean force that counts as gravity, m/s^2
 
 
 @compiled

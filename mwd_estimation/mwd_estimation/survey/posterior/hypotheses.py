@@ -80,8 +80,8 @@ _DEFECT_SCALE, _DEFECT_MOUNT = 0.02, 0.025
 EXTERNAL_UT = np.array([0.0, 0.3, 1.0, 3.0, 10.0])
 # 1 sigma of a field turned about the vertical, rad.
 TURNED = math.radians(15.0)
-# After a long gap between stations, a change of the string is more probable than `Priors.string_change`: duration of a
-# trip out of the hole and back, h, and share of trips with a change of the string among much longer gaps.
+# A change of the string is more probable than `Priors.string_change` if a trip out of the hole and back fits into the
+# gap between two stations: duration of a trip, h, and probability of a change in a much longer gap.
 _TRIP_HOURS, _TRIPS = 12.0, 0.5
 # Random walk of the remanence, because the string shakes in a field whose direction in the string changes: 1 sigma
 # after an hour, x y z, uT. The axial value becomes AMIL of the tool code in two days of drilling. Without the walk, or

@@ -84,7 +84,7 @@ class RunState:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Predicted(CircleEvidence):
-    """Evidence of a station, with the filters that predicted its readings, from which the filters learn."""
+    """Evidence of a station, and the filters that predicted its readings; with both, the filters are updated."""
 
     branched: RunState  #: the filters, with a second one for each if the string may have changed
     terms: tuple[Array, Array, Array]  #: residual, its covariance and P H' for all these filters

@@ -35,7 +35,7 @@ export function slideSheet(steering) {
         length(one.from_depth), length(one.to_depth), length(one.slid), length(one.rotated), units.number("angle", one.dogleg),
         one.motor === null ? "–" : units.number("dogleg", one.motor),
       ])))))
-    : el("p", { class: "empty" }, t("No surveyed interval was drilled under this sheet yet."));
+    : el("p", { class: "empty" }, t("This sheet covers no interval between two surveys yet."));
   return [
     el("div", { class: "split two" },
       el("div", {}, el("h2", {}, t("Slide sheet")),

@@ -93,7 +93,6 @@ def sent_tool(
     tool : ToolConfiguration
         Tool configuration; its sequences are used.
     time_s, pressure_pa : ndarray, shape (n,)
-    strokes : mapping of int to ndarray
     syncs : sequence of Sync
         Syncs to try.
     parities : sequence of str

@@ -52,7 +52,6 @@ class DecodedWord:
 
     Attributes
     ----------
-    item : SequenceItem
     rows : ndarray, shape (k, 6)
         Packets of the word, as in `trellis.forward_backward`.
     at, length : int
@@ -61,8 +60,6 @@ class DecodedWord:
         Probability of each value of each packet.
     present : ndarray, shape (k, values)
         Probability that the pulse of each value is present.
-    soft : Soft
-    ebn0_db : float
     pulses : bool
         Whether any pulses were found in the word.
     """
@@ -101,12 +98,10 @@ class Pass:
     ----------
     kind : str
         "survey" or "toolface".
-    items : tuple of SequenceItem
     start : int
         First sample of the transmission.
     done, at : int
         Number of decoded words, and the sample at which the next word begins.
-    parts : list of DecodedWord
     shown : int
         Number of words already reported as provisional.
     """

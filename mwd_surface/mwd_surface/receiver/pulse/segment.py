@@ -329,9 +329,9 @@ def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Arra
     """
     Return `fits` of `DecodedStretch`; NaN for a combinatorial word, whose windows overlap.
 
-    The table has one pulse in a window. Another table, or a second tool, has one or two pulses at any place of a window
-    and the gap behind it; two of half the size if the response was estimated from syncs that two tools sent together.
-    Without any pulse both have the same likelihood, so silence is no evidence for or against the table.
+    The present table has one pulse in each window. Another table, or a second tool, has one or two pulses anywhere in a
+    window and the gap after it; two pulses have half the size if the response was estimated from syncs that two tools
+    sent together. Without any pulse both have the same likelihood, so silence is no evidence for or against the table.
 
     metric: metric of a single pulse at each TU; pulses: expected number of pulses at each place of each packet.
     """

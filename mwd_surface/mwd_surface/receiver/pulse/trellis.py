@@ -33,7 +33,7 @@ def _log_add(a: float, b: float) -> float:
 
 
 def values_of(packets: Indices) -> int:
-    """Return the number of columns of arrays that have one column for each value of a packet."""
+    """Return the number of columns of an array with a column for each value that a packet can have."""
     return _VALUES_RISING if packets[0, RISING] else _VALUES
 
 

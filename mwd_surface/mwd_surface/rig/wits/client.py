@@ -29,7 +29,7 @@ from mwd_surface.rig.interface import (
 )
 from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings, WitsWriter
 
-_STEADY = 10.0  # s; after a connection that lasted this long, the wait starts again from the shortest
+_STEADY = 10.0  # length of a connection after which the wait starts again from the shortest, s
 
 
 @dataclasses.dataclass(frozen=True)

@@ -331,8 +331,8 @@ class Wits0Link(LoopInterface):
                 continue
             try:
                 writer.write(packet)
-                # Use timeout instead of wait_for: before Python 3.12 wait_for can swallow the cancellation that ends
-                # this task.
+                # Use timeout instead of wait_for: before Python 3.12 wait_for can lose the cancellation that ends this
+                # task.
                 async with asyncio.timeout(self.talk.send_timeout):
                     await writer.drain()
             except TimeoutError:

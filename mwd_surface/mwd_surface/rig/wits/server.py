@@ -13,7 +13,8 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.rig.interface import LISTENING, STOPPED, InterfaceStatus, OnRigState, checked_host, port_error
 from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings
 
-_KERNEL_BUFFER = 16384  # bytes; a larger buffer would delay the detection of a peer that does not read
+# Size of the send buffer, bytes; a larger one would delay the detection of a peer that does not read.
+_KERNEL_BUFFER = 16384
 
 
 @dataclasses.dataclass(frozen=True)
