@@ -106,7 +106,7 @@ def from_table(table: Mapping[str, Any]) -> Calibration:
                 raise ValueError(f"calibration: {name}.{key} must be finite and of shape {shape}")
         if np.abs(figures["matrix"] - np.eye(3)).max() > 0.5:
             raise ValueError(f"calibration: {name}.matrix is far from the identity; is it in other units?")
-        plain = {key: value if value.ndim else float(value) for key, value in figures.items()}
+        plain: dict[str, Any] = {key: value if value.ndim else float(value) for key, value in figures.items()}
         read[name] = TriadCalibration(**plain | {"poses": int(figures["poses"])})
     for name in ("gyro", "accelerometer"):
         if name not in read:
