@@ -49,7 +49,6 @@ class QualitySettings:
         10.0,
         "Error of the azimuth that the well cannot tolerate. Lowering it accepts only azimuths with a smaller sigma, "
         "about a third of this value.",
-        unit="deg",
         low=0.1,
         high=90.0,
         expert=True,

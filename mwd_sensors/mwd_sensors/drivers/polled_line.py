@@ -151,11 +151,10 @@ class PolledFrame:
     )
     check_order: str = setting("low_first", "Order of the bytes of the check.", choices=("low_first", "high_first"))
     polls: tuple[Poll, ...] = setting(_probe_polls(), "Requests in turn, with their replies.")
-    period_s: float = setting(0.01, "Time from one round of requests to the next.", unit="s", low=0.001, high=60.0)
+    period_s: float = setting(0.01, "Time from one round of requests to the next.", low=0.001, high=60.0)
     timeout_s: float = setting(
         0.2,
         "Longest wait for a reply. A lower value repeats a lost request sooner, but takes a slow reply for a lost one.",
-        unit="s",
         low=0.002,
         high=10.0,
     )

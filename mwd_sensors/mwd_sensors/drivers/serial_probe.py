@@ -51,7 +51,6 @@ class LineSettings:
         0.0,
         "Magnetic field that an MTi reports as 1: the field at the place of its calibration. 0 means not known; its "
         "magnetometer is then not used.",
-        unit="uT",
         low=0.0,
         high=100.0,
     )
@@ -61,11 +60,7 @@ class LineSettings:
         "all values in input registers from 0.",
     )
     wait_for_listener_s: float = setting(
-        0.0,
-        "Longest wait for subscribers before the line is opened; 0 opens it at once.",
-        unit="s",
-        low=0.0,
-        high=600.0,
+        0.0, "Longest wait for subscribers before the line is opened; 0 opens it at once.", low=0.0, high=600.0
     )
 
 

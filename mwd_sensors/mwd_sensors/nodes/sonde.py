@@ -76,7 +76,7 @@ class SondeSettings:
         high=1000.0,
     )
     wait_for_listener_s: float = setting(
-        0.0, "Longest wait for subscribers before the scenario starts; 0 starts at once.", unit="s", low=0.0, high=600.0
+        0.0, "Longest wait for subscribers before the scenario starts; 0 starts at once.", low=0.0, high=600.0
     )
     wait_for_node: str = setting(
         "",

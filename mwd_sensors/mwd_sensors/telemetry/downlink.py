@@ -46,7 +46,6 @@ class Downlink:
         5.6,
         "Time to change from one level to the next. Raise it for slow pumps or a soft top drive; each symbol takes "
         "longer.",
-        unit="s",
         low=0.5,
         high=120.0,
     )
@@ -54,7 +53,6 @@ class Downlink:
         11.2,
         "Time for which a level is held; for rotation, two torsional periods of the string (2 x 5.6 s at 3 km). "
         "Raising it makes weaker changes detectable; each symbol takes longer.",
-        unit="s",
         low=1.0,
         high=240.0,
     )
@@ -75,9 +73,9 @@ class Downlink:
         high=100.0,
     )
     pulse_widths_s: tuple[float, ...] = setting(
-        (0.3, 0.5, 0.8, 1.0, 1.5), "Pulse widths that a command can select.", unit="s", low=0.02, high=20.0
+        (0.3, 0.5, 0.8, 1.0, 1.5), "Pulse widths that a command can select.", low=0.02, high=20.0
     )
-    carriers_hz: tuple[float, ...] = setting((), "Carriers that a command can select.", unit="Hz", low=0.1, high=200.0)
+    carriers_hz: tuple[float, ...] = setting((), "Carriers that a command can select.", low=0.1, high=200.0)
 
     def __post_init__(self) -> None:
         """Raise ValueError if a table has more entries than an argument can number."""

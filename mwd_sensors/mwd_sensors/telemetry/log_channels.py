@@ -68,7 +68,6 @@ class LogChannel:
         10,
         "Length of the interval over which a value is averaged. A longer interval lowers the statistical error of "
         "counts and blurs thin beds: at 30 m/h, 10 s are 8 cm.",
-        unit="s",
         low=1,
         high=600,
     )
@@ -84,7 +83,6 @@ class LogChannel:
         None,
         "Distance of the sensor from the bit; none: the distance of the sonde. The surface uses this distance for "
         "values that were received as words.",
-        unit="m",
         low=0.0,
         high=100.0,
     )

@@ -39,7 +39,7 @@ class SerialLine:
     baud: int = setting(
         9600, "Speed of the line; 8 data bits, no parity, 1 stop bit.", unit="bit/s", low=50, high=4_000_000
     )
-    period_s: float = setting(1.0, "Time from one frame to the next.", unit="s", low=0.0, high=3600.0)
+    period_s: float = setting(1.0, "Time from one frame to the next.", low=0.0, high=3600.0)
 
 
 class SerialFrame(NamedTuple):

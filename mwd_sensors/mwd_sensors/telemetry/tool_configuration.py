@@ -80,7 +80,7 @@ class ToolConfiguration:
         "Code of the words: pulses (mary, combinatorial), phases of a carrier (psk) or a serial line (serial).",
         choices=(*PULSE_CODES, "psk", "serial"),
     )
-    pulse_width_s: float = setting(0.8, "Duration of a pulse; 1 TU is half of it.", unit="s", low=0.02, high=20.0)
+    pulse_width_s: float = setting(0.8, "Duration of a pulse; 1 TU is half of it.", low=0.02, high=20.0)
     sync: Sync = setting(Sync, "Pulse pattern that starts a transmission.")
     carrier: Carrier = setting(Carrier, "Carrier and its blocks, for the code psk.")
     coil: Coil = setting(Coil, "Coil of a sonde, for a carrier with the medium coil.")
@@ -102,11 +102,10 @@ class ToolConfiguration:
         600.0,
         "Flow above which the tool considers the pumps on. Raise it if some flow remains during connections. Except "
         "on a wire, the tool is silent below it.",
-        unit="l/min",
         low=1.0,
         high=20000.0,
     )
-    transmit_delay_s: float = setting(45.0, "Time from flow-on to the sync.", unit="s", low=0.0, high=3600.0)
+    transmit_delay_s: float = setting(45.0, "Time from flow-on to the sync.", low=0.0, high=3600.0)
     downlink: Downlink | None = setting(None, "Downlink for commands from the surface; none if the tool accepts none.")
     words: dict[str, Word] = setting({}, "Ranges of words by name; they replace the ranges that kits commonly use.")
     channels: dict[str, LogChannel] = setting(

@@ -60,14 +60,12 @@ class ClearanceRule:
     surface_margin_m: float = setting(
         0.3,
         "Distance that is kept even if both positions are exact. Raising it keeps wells farther apart.",
-        unit="m",
         low=0.0,
         high=10.0,
     )
     projection_sigma_m: float = setting(
         0.5,
         "1 sigma of the hole ahead of the last survey until the next one. Raising it keeps wells farther apart.",
-        unit="m",
         low=0.0,
         high=10.0,
     )
@@ -81,14 +79,12 @@ class ClearanceRule:
         10.0,
         "Distance between two wells, or of the first station from its wellhead, above which positions count as "
         "wrong. Raise it to confirm that the wells really are so far apart.",
-        unit="km",
         low=1.0,
         high=1e5,
     )
     largest_dogleg_deg_30m: float = setting(
         30.0,
         "Dogleg severity above which a list counts as wrong. Raise it to confirm a hole that really turns so sharply.",
-        unit="deg/30 m",
         low=5.0,
         high=540.0,
     )

@@ -59,25 +59,21 @@ class OffsetWell(ListSettings):
         None,
         "Distance of the offset well's wellhead north of the wellhead of this well. If left out, it follows from "
         "the map coordinates of both lists; without map coordinates it is 0.",
-        unit="m",
     )
     east_m: float | None = setting(
         None,
         "Distance of the offset well's wellhead east of the wellhead of this well. If left out, it follows as for "
         "north_m.",
-        unit="m",
     )
     tvd_m: float = setting(
         0.0,
         "Height of the depth datum of this well above that of the offset well. It is added to the vertical depths "
         "of the offset well.",
-        unit="m",
     )
     hole_diameter_m: float = setting(
         0.31,
         "Diameter of the hole of the offset well, or of its casing if it is cased. Raising it lowers the "
         "separation factor.",
-        unit="m",
         low=0.0,
         high=5.0,
     )
@@ -89,7 +85,6 @@ class OffsetWell(ListSettings):
         0.0,
         "1 sigma of the position of the offset wellhead relative to this one, in north and in east. Raising it "
         "lowers the separation factor.",
-        unit="m",
         low=0.0,
     )
     planned: bool = setting(
@@ -101,7 +96,6 @@ class OffsetWell(ListSettings):
         None,
         "Measured depth down to which both wells are the same hole, for a sidetrack. Above it the wells are not "
         "compared.",
-        unit="m",
         low=0.0,
     )
 
@@ -117,17 +111,12 @@ class OffsetWells:
     wells: tuple[OffsetWell, ...]
     rule: ClearanceRule = setting(ClearanceRule, "The separation rule and its levels.")
     hole_diameter_m: float = setting(
-        0.31,
-        "Diameter of the hole that is being drilled. Raising it lowers the separation factor.",
-        unit="m",
-        low=0.0,
-        high=5.0,
+        0.31, "Diameter of the hole that is being drilled. Raising it lowers the separation factor.", low=0.0, high=5.0
     )
     ahead_m: float = setting(
         300.0,
         "Length of the plan ahead of the bit that is compared with the offset wells. Raising it warns earlier and "
         "takes more computing time.",
-        unit="m",
         low=0.0,
         high=20000.0,
     )

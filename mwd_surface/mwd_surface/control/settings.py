@@ -28,14 +28,12 @@ class ControlSettings:
         2.0,
         "Time without a command after which the controller that has control counts as dead. Raising it lets the string "
         "turn longer without a working controller; lowering it ends the control of slow clients.",
-        unit="s",
         low=0.2,
         high=30.0,
     )
     pending_s: float = setting(
         120.0,
         "Time after which a request that nobody has granted expires. Raising it gives the operator more time.",
-        unit="s",
         low=1.0,
         high=3600.0,
     )
@@ -43,13 +41,10 @@ class ControlSettings:
         3600.0,
         "Longest time for which control is granted; the controller extends it by a new request. Lowering it ends "
         "forgotten control sooner.",
-        unit="s",
         low=1.0,
         high=86400.0,
     )
-    speed_rpm: float = setting(
-        120.0, "Highest speed that may be commanded to the top drive.", unit="r/min", low=0.1, high=600.0
-    )
+    speed_rpm: float = setting(120.0, "Highest speed that may be commanded to the top drive.", low=0.1, high=600.0)
     speed_rate_rpm_s: float = setting(
         10.0,
         "Largest rate of change of the commanded speed. Raising it can excite stick-slip.",
@@ -60,16 +55,14 @@ class ControlSettings:
     torque_nm: float = setting(
         30000.0,
         "Measured torque above which control ends and the string is held. Set it below the string's make-up torque.",
-        unit="N m",
         low=100.0,
         high=2e5,
     )
-    turn_deg: float = setting(720.0, "Largest turn in one command.", unit="deg", low=1.0, high=36000.0)
+    turn_deg: float = setting(720.0, "Largest turn in one command.", low=1.0, high=36000.0)
     left_speed_rpm: float = setting(
         0.0,
         "Highest counter-clockwise speed, looking downhole, that may be commanded. Left-hand rotation can unscrew "
         "the string; with 0 it is refused.",
-        unit="r/min",
         low=0.0,
         high=600.0,
     )
@@ -77,7 +70,6 @@ class ControlSettings:
         0.0,
         "Largest counter-clockwise turn in one command; with 0 such turns are refused. A controller that rocks the "
         "string, or corrects a toolface to the left, needs a value above 0.",
-        unit="deg",
         low=0.0,
         high=36000.0,
     )

@@ -18,28 +18,17 @@ class DownlinkSettings:
         "receiver need the same file. Empty: no downlink.",
     )
     speed_low_rpm: float = setting(
-        30.0,
-        "Lowest rotary speed that may be commanded. Many strings stick below it.",
-        unit="r/min",
-        low=0.0,
-        high=600.0,
+        30.0, "Lowest rotary speed that may be commanded. Many strings stick below it.", low=0.0, high=600.0
     )
-    speed_high_rpm: float = setting(
-        180.0, "Highest rotary speed at which a command may run.", unit="r/min", low=1.0, high=600.0
-    )
+    speed_high_rpm: float = setting(180.0, "Highest rotary speed at which a command may run.", low=1.0, high=600.0)
     flow_low_lpm: float = setting(
         800.0,
         "Lowest flow that may be commanded. Keep it above the tool's flow threshold and the flow that cleans the hole.",
-        unit="l/min",
         low=0.0,
         high=20000.0,
     )
-    flow_high_lpm: float = setting(
-        6000.0, "Highest flow at which a command may run.", unit="l/min", low=1.0, high=20000.0
-    )
-    pressure_high_bar: float = setting(
-        320.0, "Standpipe pressure above which no command runs.", unit="bar", low=1.0, high=2000.0
-    )
+    flow_high_lpm: float = setting(6000.0, "Highest flow at which a command may run.", low=1.0, high=20000.0)
+    pressure_high_bar: float = setting(320.0, "Standpipe pressure above which no command runs.", low=1.0, high=2000.0)
     stall_share: float = setting(
         0.25,
         "Rise of the pressure above its usual value at the same flow, as a share, that counts as a motor stall. "

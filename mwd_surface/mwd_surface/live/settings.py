@@ -37,7 +37,6 @@ class LiveSettings:
     withheld_sigma_deg: float = setting(
         45.0,
         "Sigma of an angle above which the page does not show the angle. Raising it shows less certain angles.",
-        unit="deg",
         low=1.0,
         high=180.0,
     )
@@ -54,7 +53,6 @@ class LiveSettings:
     history_seconds: float = setting(
         600.0,
         "Time range of the strip charts. Raising it costs memory and data volume to each browser.",
-        unit="s",
         low=10.0,
         high=7200.0,
     )
@@ -115,7 +113,6 @@ class PlanSettings(ListSettings):
     opening_azimuth_deg: float | None = setting(
         None,
         "Azimuth of a straight planned hole, from the north of the well. nan if the plan is a file.",
-        unit="deg",
         low=0.0,
         high=360.0,
     )
@@ -123,11 +120,10 @@ class PlanSettings(ListSettings):
         None,
         "Vertical angle of a straight planned hole, dip or inclination as the convention of the well says. nan if "
         "the plan is a file.",
-        unit="deg",
         low=-180.0,
         high=180.0,
     )
-    length_m: float = setting(100.0, "Length of a straight planned hole.", unit="m", low=1.0, high=5000.0)
+    length_m: float = setting(100.0, "Length of a straight planned hole.", low=1.0, high=5000.0)
 
 
 @dataclasses.dataclass(frozen=True)

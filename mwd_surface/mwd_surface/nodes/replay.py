@@ -55,16 +55,16 @@ class ReplaySettings:
         high=1000.0,
     )
     loop: bool = setting(False, "Start again from the beginning when the end is reached.")
-    start_s: float = setting(0.0, "Start this long after the first message.", unit="s", low=0.0)
-    end_s: float = setting(0.0, "End this long after the first message; 0: at the last message.", unit="s", low=0.0)
+    start_s: float = setting(0.0, "Start this long after the first message.", low=0.0)
+    end_s: float = setting(0.0, "End this long after the first message; 0: at the last message.", low=0.0)
     topics: list[str] = setting([], "Topics to publish; empty: all.")
     sensors_only: bool = setting(
         False,
         "Publish only the topics of sonde and rig, so that estimator and surface can run together with the replay.",
     )
-    clock_hz: float = setting(100.0, "Rate of /clock in wall time; 0: no /clock.", unit="Hz", low=0.0, high=1000.0)
+    clock_hz: float = setting(100.0, "Rate of /clock in wall time; 0: no /clock.", low=0.0, high=1000.0)
     wait_for_listener_s: float = setting(
-        3.0, "Longest wait for subscribers before the first message; 0: start at once.", unit="s", low=0.0, high=600.0
+        3.0, "Longest wait for subscribers before the first message; 0: start at once.", low=0.0, high=600.0
     )
 
 

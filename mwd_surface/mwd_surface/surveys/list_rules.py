@@ -48,7 +48,6 @@ class ListRules:
         1.0,
         "Inclination below which a station without azimuth gets the azimuth of the station above. Raising it "
         "accepts larger position errors.",
-        unit="deg",
         low=0.0,
         high=5.0,
     )

@@ -38,14 +38,12 @@ class QualityLimits:
         300.0,
         "Largest difference of the total magnetic field from the reference that counts as good. Raising it accepts "
         "worse stations.",
-        unit="nT",
         low=0.0,
     )
     dip_deg: float = setting(
         0.45,
         "Largest difference of the magnetic dip from the reference that counts as good. Raising it accepts worse "
         "stations.",
-        unit="deg",
         low=0.0,
     )
     reject_factor: float = setting(

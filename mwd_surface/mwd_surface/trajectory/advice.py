@@ -44,43 +44,29 @@ class AdvisorySettings:
     toolface_deg: float = setting(
         -1.0,
         "Toolface set by the directional driller, used instead of one computed from the plan. Below 0 it is computed.",
-        unit="deg",
         low=-1.0,
         high=360.0,
     )
     limit_deg: float = setting(
         15.0,
         "Largest deviation from the advised toolface that the page shows as good. Raising it hides larger errors.",
-        unit="deg",
         low=1.0,
         high=180.0,
     )
-    interval_m: float = setting(
-        28.0,
-        "Length drilled between two decisions, usually a stand.",
-        unit="m",
-        low=1.0,
-        high=500.0,
-    )
+    interval_m: float = setting(28.0, "Length drilled between two decisions, usually a stand.", low=1.0, high=500.0)
     look_ahead_m: float = setting(
         60.0,
         "Distance along the plan at which the well should be back on the plan. Lowering it steers harder and makes "
         "a more tortuous hole.",
-        unit="m",
         low=5.0,
         high=2000.0,
     )
     least_slide_m: float = setting(
-        2.0,
-        "Shortest slide that is worth its set-up time; the string rotates instead of a shorter slide.",
-        unit="m",
-        low=0.0,
-        high=100.0,
+        2.0, "Shortest slide that is worth its set-up time; a shorter one is rotated instead.", low=0.0, high=100.0
     )
     motor_yield_deg_30m: float = setting(
         8.0,
         "Dogleg severity of a slide as specified for the motor, used until the slide sheet has measured it.",
-        unit="deg/30 m",
         low=0.1,
         high=60.0,
     )
