@@ -98,18 +98,7 @@ class MergedBag:
         self._writer = BagWriter(path, custom=bag.custom)
         try:
             self._channels = np.array(
-                [
-                    self._writer.copy_topic(
-                        about.name,
-                        about.type_name,
-                        about.schema_encoding,
-                        about.schema,
-                        about.type_hash,
-                        about.qos,
-                        about.serialization,
-                    )
-                    for about in bag.carried.values()
-                ],
+                [self._writer.copy_topic(about) for about in bag.carried.values()],
                 dtype=np.uint16,
             )
             for item in bag.attachments():
