@@ -26,13 +26,13 @@ from mwd_surface.bags.bag_files import BagError, BagFiles, TopicInfo
 from mwd_surface.bags.definitions import is_ours
 from mwd_surface.bags.mcap.decode import parse, parse_attachment
 from mwd_surface.bags.mcap.records import FormatError
-from mwd_surface.bags.message_parts import NEVER, Block, Decoded, MessagePart, Originals, blocks_of, part_of
+from mwd_surface.bags.message_parts import NEVER, Block, Decoded, MessagePart, blocks_of, part_of
 from mwd_surface.bags.part_stream import PartStream
 from mwd_surface.bags.sample_decoder import Fields, SampleDecoder
 from mwd_surface.bags.topic_info import REMEDY, listed, quantity_of
 
 # Types that users of a bag need can be imported from this module.
-__all__ = ["Bag", "BagError", "Block", "Message", "Originals", "TopicInfo"]
+__all__ = ["Bag", "BagError", "Block", "Message", "MessagePart", "TopicInfo"]
 
 E = TypeVar("E", Attachment, Metadata)
 
@@ -206,16 +206,18 @@ class Bag:
         end_ns: int | None = None,
         block_messages: int = 16384,
         fields: Fields | None = None,
-    ) -> Iterator[tuple[Block, list[Originals]]]:
+    ) -> Iterator[tuple[Block, list[MessagePart]]]:
         """
         Yield blocks of samples like `blocks`, each with the unchanged messages of all topics in the block's time span.
+
+        The channel number of an unchanged message is the position of its topic in `carried`.
 
         Each block but the last has at least `block_messages` messages of all topics, and more if many chunks overlap in
         time. A block may have no sample. Arguments and errors as in `blocks`.
         """
         wanted = set(self._checked(topics))
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
-        originals: list[Originals] = []
+        originals: list[MessagePart] = []
         count = 0
         for group in self._stream.groups(list(self.carried), start_ns, end_ns, lambda part: part):
             for part in group:
@@ -324,7 +326,7 @@ class Bag:
     def _part_names(self, part: MessagePart) -> Mapping[int, str]:
         return self._opened.names[part.file] if self._opened.other is None else dict(enumerate(self.carried))
 
-    def _originals(self, part: MessagePart) -> Originals:
+    def _originals(self, part: MessagePart) -> MessagePart:
         if self._opened.message_compression:
             rows = []
             for log_ns, at, size, channel in zip(part.log_ns, part.offset, part.size, part.channel, strict=True):
@@ -334,10 +336,10 @@ class Bag:
             plain = part_of(rows)
             part = dataclasses.replace(plain, rank=part.rank, file=part.file)
         places = {name: place for place, name in enumerate(self.carried)}
-        table = np.zeros(65536, dtype=np.int64)
+        table = np.zeros(65536, dtype=np.uint16)
         for channel, name in self._part_names(part).items():
             table[channel] = places[name]
-        return Originals(part.data, part.log_ns, part.offset, part.size, table[part.channel], part.framed)
+        return dataclasses.replace(part, channel=table[part.channel])
 
     def _extra(self, kind: str, opcode: int, parser: Callable[[bytes], E]) -> Iterator[E]:
         for file, contents in self._opened.mcap:

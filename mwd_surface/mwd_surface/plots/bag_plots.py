@@ -246,8 +246,7 @@ def _draw_spectrum(ax: Axes, item: SpectrumOf) -> None:
     ax.set_title(f"{item.topic}: {item.quantity}", loc="left", fontsize=9, pad=3)
     ax.set_xlabel(f"Hz ({spectrum.segments} averages of {spectrum.segment / spectrum.rate:.3g} s)", fontsize=9)
     ax.set_ylabel(f"{item.unit}/√Hz", fontsize=9)
-    finish_axes(ax)
-    ax.legend(fontsize=8, frameon=False)
+    finish_axes(ax, legend=True)
 
 
 def _draw_waterfall(ax: Axes, data: PlotData, item: SpectrumOf) -> None:
@@ -297,8 +296,7 @@ def _draw_allan(ax: Axes, item: AllanOf) -> None:
     )
     ax.set_xlabel("averaging time, s", fontsize=9)
     ax.set_ylabel(f"Allan deviation, {unit}", fontsize=9)
-    finish_axes(ax)
-    ax.legend(fontsize=8, frameon=False)
+    finish_axes(ax, legend=True)
 
 
 def _duration(seconds: float) -> str:

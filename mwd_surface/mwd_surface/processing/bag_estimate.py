@@ -34,7 +34,7 @@ from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.core.mount import Mount, MountSettings, resolve
-from mwd_surface.bags.bag_reader import Bag, Block, Originals
+from mwd_surface.bags.bag_reader import Bag, Block, MessagePart
 from mwd_surface.processing.bag_input import (
     FIELDS,
     InputSettings,
@@ -70,7 +70,7 @@ class _Result:
     ----------
     output, log_ns : Output and ndarray of int64
         Results of some IMU samples, and the log times of these samples; or None.
-    originals : list of Originals
+    originals : list of MessagePart
         Messages of the bag.
     until_ns : int
         No message logged up to this time, ns, will follow; None if no such time is known.
@@ -78,7 +78,7 @@ class _Result:
 
     output: Output | None
     log_ns: NDArray[np.int64] | None = None
-    originals: list[Originals] = dataclasses.field(default_factory=list)
+    originals: list[MessagePart] = dataclasses.field(default_factory=list)
     until_ns: int | None = None
 
 
@@ -190,7 +190,7 @@ class BagEstimate:
         taken = "is assumed to have the axes of the IMU"
         self._summary.warnings += [f"{units[unit]} {taken}: {why}" for unit, why in assumed.items()]
 
-    def _blocks(self) -> Iterator[tuple[Block, list[Originals]]]:
+    def _blocks(self) -> Iterator[tuple[Block, list[MessagePart]]]:
         """Yield the blocks of the bag, each with the unchanged messages of its time if there is a merger."""
         if self._merger is not None:
             yield from self._bag.blocks_and_originals(self.topics.all, *self._span, fields=FIELDS)
@@ -392,7 +392,7 @@ class BagEstimate:
         summary.warnings += pipeline_warnings(summary, pipeline, self._estimator, self._queue.samples_are)
 
 
-def _last_log(block: Block, originals: list[Originals]) -> int:
+def _last_log(block: Block, originals: list[MessagePart]) -> int:
     """Return the log time of the last message of a block, ns; 0 if there is no message."""
     logged = [int(part[0][-1]) for part in block.values()]
     return max(logged + [int(one.log_ns[-1]) for one in originals if len(one.log_ns)], default=0)

@@ -14,7 +14,7 @@ from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
-from mwd_surface.bags.bag_reader import Bag, Originals
+from mwd_surface.bags.bag_reader import Bag, MessagePart
 from mwd_surface.bags.merged_bag import MergedBag
 from mwd_surface.processing.thinner import Thinner
 
@@ -75,7 +75,7 @@ class Merger:
         self,
         output: Output | None,
         log_ns: NDArray[np.int64] | None,
-        originals: list[Originals],
+        originals: list[MessagePart],
         until_ns: int | None,
     ) -> None:
         """
