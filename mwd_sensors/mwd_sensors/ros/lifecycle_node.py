@@ -144,7 +144,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         """Stop working; keep everything that `activate` needs to continue."""
 
     def cleanup(self) -> None:
-        """Release what `configure` acquired, other than topics, services and timers."""
+        """Release what `configure` acquired, also if it failed, other than topics, services and timers."""
 
     def check_settings(self, settings: T) -> None:
         """Raise ValueError for settings that the node cannot work with; such settings are refused, also at start."""
@@ -374,7 +374,7 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """
-        Configure completely, or destroy what was created and return FAILURE.
+        Configure completely, or release what was acquired and return FAILURE.
 
         If SROS2 refused a topic, service or action, the process ends too.
         """
@@ -383,7 +383,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         except Exception as error:  # noqa: BLE001  (the lifecycle would swallow the reason)
             expected = isinstance(error, (OSError, ValueError, RuntimeError))
             self.get_logger().error(printable(f"cannot configure: {error if expected else traceback.format_exc()}"))
-            self._destroy_entities()
+            self._release()
             if isinstance(error, RefusedEntityError) and is_enforced(os.environ):
                 # The permissions are read once, at the start of the process, so a second try would fail as well.
                 self._stop(error)

@@ -157,7 +157,6 @@ class SurveyBook:
             return text
         record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
         self._alarm_log.clear_alarm("survey.refused")
-        self._alarm_verdict(record)
         self._revised.clear()
         self._alarm_log.set_alarms("survey.revised", {})
         number = f"survey {record.survey.sequence}"
@@ -234,14 +233,15 @@ class SurveyBook:
         }
         self._alarm_log.set_alarms("survey.withdrawn.", causes)
 
-    def _alarm_verdict(self, record: SurveyRecord) -> None:
-        """Raise an alarm while the azimuth of the newest survey is in doubt."""
-        if not record.azimuth_doubt:
-            self._alarm_log.clear_alarm("survey.azimuth")
-            return
-        severity = Severity.CRITICAL if record.survey.verdict_azimuth == Verdict.REJECT else Severity.WARNING
-        remedy = "act on the reason, or decide about it in the list"
-        self._alarm_log.raise_alarm("survey.azimuth", severity, record.azimuth_doubt, remedy)
+    def _alarm_doubt(self) -> None:
+        """Raise an alarm while the azimuth of the newest survey is in doubt and nobody has decided about the survey."""
+        newest = max(self.surveys.records, key=lambda record: record.survey.stamp_ns, default=None)
+        causes = {}
+        if newest is not None and newest.azimuth_doubt and newest.judgement == Judgement.NOT_JUDGED:
+            severity = Severity.CRITICAL if newest.survey.verdict_azimuth == Verdict.REJECT else Severity.WARNING
+            remedy = "act on the reason, or decide about it in the list"
+            causes = {"survey.azimuth": (int(severity), newest.azimuth_doubt, remedy)}
+        self._alarm_log.set_alarms("survey.azimuth", causes)
 
     def _alarm_assumptions(self, path: Definitive) -> None:
         """Raise an alarm while the coordinates of the path depend on an assumption."""
@@ -274,6 +274,7 @@ class SurveyBook:
     def show(self) -> None:
         """Show and publish list and path, and compute the covariance in the background."""
         surveys, path = self.surveys, self.definitive()
+        self._alarm_doubt()
         self._alarm_revisions()
         self._alarm_assumptions(path)
         self._outlet.on_surveys(surveys, path)

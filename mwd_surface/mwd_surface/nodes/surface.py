@@ -115,7 +115,6 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         try:
             self._create_parts()
         except (RecorderError, StoreError, InterfaceError, FoxgloveError, OSError, ValueError) as error:
-            self.cleanup()
             raise RuntimeError(str(error)) from error
         self._open_topics()
 
