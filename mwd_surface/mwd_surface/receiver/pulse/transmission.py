@@ -68,7 +68,7 @@ class ReceivedTransmission:
     begin, score : float
         Position and score of the sync.
     second : float
-        Score of another sync that begins during this one.
+        Score of another sync that begins during the first one; 0 once the words after it are judged.
     channel : ChannelEstimate
         Response to a pulse, and noise model without the pulses.
     presence : Presence
@@ -317,6 +317,7 @@ class ReceivedTransmission:
             part.ebn0_db, part.soft = float(decision.ebn0_db[first]), one
         if stretch.sync is not None:
             self.doubt.hear_sync(*decision.sync, self.second > max(_SECOND, _SECOND_SHARE * self.score))
+            self.second = 0.0
 
     def _forget(self, now: Pass) -> None:
         """Remove the words of a decoded sequence; keep those of its pulses that the decoding of later words needs."""
