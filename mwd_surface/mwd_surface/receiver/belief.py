@@ -50,7 +50,7 @@ _MOST_FIT = 0.5
 # second tool is nearer or farther. The pulses of a single tool change their size by this share (1 sigma), because the
 # well changes.
 _SYNC_SIZES, _SIZE_CHANGES = (1.25, 2.25), 0.07
-# Greatest log likelihood ratio for or against a second tool by the syncs: the parities of the words can outweigh it.
+# Greatest log likelihood ratio for a second tool by the size of a sync: the parities of the words can outweigh it.
 _MOST_SECOND = 8.0
 
 
@@ -124,7 +124,7 @@ class Doubt:
         """
         return Doubt(_ANEW + (1.0 - _ANEW) * min(self.failing / (_FAILING + _SECOND_TOOL), 1.0))
 
-    def hear_sync(self, size: float, sigma: float, another: bool) -> None:
+    def hear_sync(self, size: float, sigma: float) -> None:
         """
         Add the evidence of a sync for or against a second tool that starts with it.
 
@@ -133,12 +133,12 @@ class Doubt:
         size, sigma : float
             Size of the pulses of the sync relative to those of the words after it, and its 1 sigma; infinite if it is
             unknown.
-        another : bool
-            Whether another clear sync begins during this one.
         """
-        ratio = _MOST_SECOND if another else min(max(_sync_evidence(size, sigma), -_MOST_SECOND), _MOST_SECOND)
+        ratio = min(_sync_evidence(size, sigma), _MOST_SECOND)
         chances = self._chances.copy()
-        chances[_TWO] = max(chances[_TWO], _SECOND_TOOL * chances[_RIGHT]) * math.exp(ratio)
+        # A sync of the usual size excludes the second tool. Otherwise its small probability would grow with each word
+        # of a wrong parity, whose pulses lie in the windows, too.
+        chances[_TWO] = max(chances[_TWO], _SECOND_TOOL * chances[_RIGHT]) * math.exp(ratio) if ratio >= 0.0 else 0.0
         self._chances = chances / chances.sum()
 
     def learn(self, words: list[Soft]) -> list[float]:

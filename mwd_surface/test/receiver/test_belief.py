@@ -108,7 +108,7 @@ HELD, OPEN, PLAIN = (Soft((Candidate(1, 1.0),), holds, 6.0) for holds in (1.0, 0
 def after_sync(size, words=()):
     """Return the doubt after a sync of a size, and the trust in the words that follow it."""
     doubt = Doubt()
-    doubt.hear_sync(size, 0.12, another=False)
+    doubt.hear_sync(size, 0.12)
     return doubt, doubt.learn(list(words))
 
 
@@ -121,23 +121,23 @@ def test_a_sync_larger_than_the_words_shows_a_second_tool_unless_the_parities_ho
     assert chances[-1] > 0.9
     assert max(unsure[-1][1]) < 0.1
     assert min(unsure[1][1]) > 0.99
-    assert all(after_sync(size, [HELD] * 8)[0].two_tools < one for size, one in zip(sizes, chances, strict=True))
+    assert all(after_sync(size, [HELD] * 8)[0].two_tools <= one for size, one in zip(sizes, chances, strict=True))
+    assert after_sync(1.6, [HELD] * 8)[0].two_tools < 0.5
     unknown = Doubt()
-    unknown.hear_sync(1.8, np.inf, another=False)
+    unknown.hear_sync(1.8, np.inf)
     assert unknown.two_tools == Doubt().two_tools
-
-
-def test_another_sync_during_a_sync_shows_a_second_tool():
-    doubt = Doubt()
-    doubt.hear_sync(1.0, np.inf, another=True)
-    assert doubt.two_tools > 0.9
-    assert max(doubt.learn([OPEN] * 8)) < 0.1
 
 
 def test_a_tool_is_believed_again_after_a_second_one_falls_silent():
     doubt, trusted = after_sync(1.7, [OPEN] * 10)
     assert max(trusted) < 0.1
     assert doubt.learn([HELD] * 14)[-1] > 0.99
+    assert doubt.two_tools < 0.01
+
+
+def test_a_wrong_parity_behind_a_sync_of_the_usual_size_is_no_second_tool():
+    doubt, trusted = after_sync(1.0, [Soft((Candidate(1, 1.0),), 0.0, 6.0)] * 30)
+    assert max(trusted) < 0.01
     assert doubt.two_tools < 0.01
 
 

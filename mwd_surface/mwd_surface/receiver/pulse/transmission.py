@@ -66,7 +66,7 @@ class ReceivedTransmission:
     begin, score : float
         Position and score of the sync.
     second : float
-        Score of another sync that begins during this one.
+        Score of another sync that begins during the first one.
     channel : ChannelEstimate
         Response to a pulse, and noise model without the pulses.
     presence : Presence
@@ -267,10 +267,13 @@ class ReceivedTransmission:
             for word, part in zip(words, now.parts, strict=True)
         ]
         ebn0 = float(np.mean([part.ebn0_db for part in heard or now.parts]))
-        # A second tool is named if it prevents all words from being believed and is more probable than a wrong table.
-        two = self.doubt.two_tools > max(1.0 - TOOLFACE_LEVEL, 0.5 * self.doubt.failing)
+        # A second tool is named if it prevents words from being believed and is more probable than a wrong table, or if
+        # words fail after a sync during which another one began.
+        failing = self.doubt.failing
+        another = failing > _DOUBTFUL and self.second > max(_SECOND, _SECOND_SHARE * self.score)
+        two = another or self.doubt.two_tools > max(1.0 - TOOLFACE_LEVEL, 0.5 * failing)
         reason = _TWO_TOOLS if two else self.lost
-        reason = reason or (_PARITIES_FAIL if self.doubt.failing > _DOUBTFUL else "")
+        reason = reason or (_PARITIES_FAIL if failing > _DOUBTFUL else "")
         reason = reason or (FADED if len(heard) < len(now.parts) else "")
         report = FrameReport(self.frames, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, reason)
         self.frames += 1
@@ -314,7 +317,7 @@ class ReceivedTransmission:
             part.probability, part.present = decision.probability[mine], decision.present[mine]
             part.ebn0_db, part.soft = float(decision.ebn0_db[first]), one
         if stretch.sync is not None:
-            self.doubt.hear_sync(*decision.sync, self.second > max(_SECOND, _SECOND_SHARE * self.score))
+            self.doubt.hear_sync(*decision.sync)
 
     def _forget(self, now: Pass) -> None:
         """Remove the words of a decoded sequence; keep those of its pulses that the decoding of later words needs."""
