@@ -47,7 +47,7 @@ LAST_MAGNETIC = dtype_of(LastMagnetic)
 @compiled
 def write(
     stretch: OneFieldStretch,
-    last: LastMagnetic,
+    state: Samples,
     samples: Samples,
     plain: Samples,
     azimuth: Samples,
@@ -63,7 +63,8 @@ def write(
 
     Parameters
     ----------
-    last : LastMagnetic
+    stretch : OneFieldStretch
+    state : ndarray of dtype LAST_MAGNETIC, shape (1,)
         Changed in place.
     samples, plain, azimuth : ndarray, shape (n,)
         Samples, attitude without interference filter and gyros, and gyro-propagated azimuth; dtypes `sample.SAMPLE`,
@@ -73,6 +74,7 @@ def write(
     attitude, gravity : ndarray, shape (n,)
         Output, dtypes `wire.ATTITUDE` and `wire.GRAVITY`.
     """
+    last: LastMagnetic = state[0]
     rejected, pair = 0, 0
     for i in range(len(samples)):
         while pair < len(magnetic) and magnetic[pair].place - stretch.start <= i:

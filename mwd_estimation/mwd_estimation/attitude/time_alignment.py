@@ -70,7 +70,7 @@ def run(
     """
     rows = np.zeros(len(samples), dtype=ATTITUDE_ROW)
     pairs = np.zeros(len(mag.stamp_ns), dtype=PAIR)
-    used, handed_on = _run(p, state[0], model, samples, mag, rows, pairs)
+    used, handed_on = _run(p, state, model, samples, mag, rows, pairs)
     return rows, pairs[:handed_on].copy(), used
 
 
@@ -301,7 +301,7 @@ def _write(
 @compiled
 def _run(
     p: TimeAlignmentParams,
-    s: TimeAlignmentState,
+    state: Samples,
     model: FieldModel,
     samples: Samples,
     mag: MagBlock,
@@ -309,6 +309,7 @@ def _run(
     pairs: Samples,
 ) -> tuple[int, int]:
     """Fill `rows` and `pairs`; return the numbers of magnetic samples used and of pairs; arguments as in `run`."""
+    s: TimeAlignmentState = state[0]
     used, handed_on = 0, 0
     across_axis = model.sigma_axial * math.sin(s.azimuth - model.north_correction)
     for i in range(len(samples)):

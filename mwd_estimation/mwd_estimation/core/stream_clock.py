@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from mwd_estimation.core.stamp_jitter import JITTER_STATE, JitterState, follows_no_period, take_step
-from mwd_sensors.core.arrays import Stamps
+from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
@@ -58,12 +58,14 @@ class StreamClock:
         A sample whose stamp does not advance gets a time that does not advance either.
         """
         times = np.empty_like(stamps)
-        _run(self._state[0], self._steps[0], stamps, times)
+        _run(self._state, self._steps, stamps, times)
         return times
 
 
 @compiled
-def _run(s: ClockState, j: JitterState, stamps: Stamps, times: Stamps) -> None:
+def _run(state: Samples, steps: Samples, stamps: Stamps, times: Stamps) -> None:
+    s: ClockState = state[0]
+    j: JitterState = steps[0]
     for i in range(len(stamps)):
         stamp = stamps[i]
         if s.last_ns == 0:

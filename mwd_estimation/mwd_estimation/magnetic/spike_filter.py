@@ -57,7 +57,7 @@ def run(state: Samples, stamp_ns: Stamps, b_t: Array) -> NDArray[np.bool_]:
     ndarray of bool, shape (n,)
     """
     sound = np.ones(len(stamp_ns), dtype=np.bool_)
-    _run(state[0], np.ascontiguousarray(stamp_ns), np.ascontiguousarray(b_t), sound)
+    _run(state, np.ascontiguousarray(stamp_ns), np.ascontiguousarray(b_t), sound)
     return sound
 
 
@@ -74,7 +74,8 @@ def _median(values: Array, work: Array) -> float:
 
 
 @compiled
-def _run(s: SpikeState, stamps: Stamps, b_t: Array, sound: NDArray[np.bool_]) -> None:
+def _run(state: Samples, stamps: Stamps, b_t: Array, sound: NDArray[np.bool_]) -> None:
+    s: SpikeState = state[0]
     work, away = np.empty(_MEMORY), np.empty(_MEMORY)
     for i in range(len(stamps)):
         strength = np.sqrt(b_t[i, 0] ** 2 + b_t[i, 1] ** 2 + b_t[i, 2] ** 2)

@@ -47,7 +47,7 @@ from mwd_estimation.gravity.bounded.state import (
     forget,
     initial,
 )
-from mwd_sensors.core.arrays import Array, Stamps, Vector
+from mwd_sensors.core.arrays import Array, Samples, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 
 __all__ = ["BoundedParams", "BoundedState", "Log", "initial", "run", "run_logged"]
@@ -116,21 +116,24 @@ def _follow(
     params: BoundedParams, state: BoundedState, samples: _Samples, mag: MagneticSamples | None, log: Log
 ) -> Track:
     out = Track.empty(len(samples[0]))
-    _run(params, state.clock[0], state.motion[0], state.record[0], samples, mag or MagneticSamples.none(), out, log)
+    _run(params, state.clock, state.motion, state.record, samples, mag or MagneticSamples.none(), out, log)
     return out
 
 
 @compiled
 def _run(
     p: BoundedParams,
-    clock: track.TrackClock,
-    motion: track.TrackMotion,
-    s: BoundedRecord,
+    clocks: Samples,
+    motions: Samples,
+    records: Samples,
     samples: _Samples,
     mag: MagneticSamples,
     out: Track,
     log: Log,
 ) -> None:
+    clock: track.TrackClock = clocks[0]
+    motion: track.TrackMotion = motions[0]
+    s: BoundedRecord = records[0]
     stamps, gyro, accel, flags = samples
     s.field.used = 0
     for i in range(len(stamps)):
