@@ -192,8 +192,8 @@ WORDS: dict[Code, str] = {
     "seek longer, or choose by the magnetometer",
     Code.LATITUDE_MISFIT: "the Earth rate found does not fit latitude {values[0]:.1f deg} "
     "({value:.1f sigma}): the tool moved, or a gyro error is larger than stated",
-    Code.LATITUDE_OTHER: "the latitude is probably not {values[0]:.1f deg} (probability {value:.0f %}): Earth rate and "
-    "gravity fit {values[1]:.1f deg} best; check the latitude and its sign",
+    Code.LATITUDE_OTHER: "the latitude of {values[0]:.1f deg} is wrong with a probability of {value:.0f %}; another "
+    "latitude, such as {values[1]:.1f deg}, gives another azimuth; check the latitude and its sign",
     Code.GYRO_BIAS_UNKNOWN: _BIAS_UNKNOWN + "turn the tool half a turn about its axis and wait again",
     Code.GYRO_BIAS_UNKNOWN_STATIC: _BIAS_UNKNOWN + "the method S1 cannot use a second position",
     Code.SEEK_UNCERTAIN: "not certain enough: {value:.0f deg} after {values[0]:.0f s}; wait longer",

@@ -145,13 +145,8 @@ class Estimate:
         self._ready = True
         self._attitude.set_reference(self.field.reference)
         self.watch.set_reference(self.field.reference)
-        self._use_gravity(self.local_gravity, self._gravity.mag)
-        self.bin_stage.precision.begin(self.settings.place.lat_deg, self.local_gravity)
-
-    @property
-    def local_gravity(self) -> float | None:
-        """Local gravity, m/s^2; None if not known."""
-        return self.field.reference.gravity if self.field.reference is not None else None
+        reference = self.field.reference
+        self._use_gravity(None if reference is None else reference.gravity, self._gravity.mag)
 
     @property
     def innovations(self) -> list[Innovation]:

@@ -266,7 +266,7 @@ class Pipeline:
 
         The result is in `Output.north`.
         """
-        self.requests.start_north(duration_s, mode, self._estimate.local_gravity)
+        self.requests.start_north(duration_s, mode)
 
     @property
     def requests(self) -> Requests:

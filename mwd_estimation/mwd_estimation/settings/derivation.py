@@ -20,7 +20,7 @@ from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_state, time_
 from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.input_gate import Ranges
-from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.reference_field import LOCAL_GRAVITY, Reference
 from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.methods import method
 from mwd_estimation.gyrocompass.seek_params import TACTICAL, TACTICAL_NOISE_DEG_RTH, SeekParams
@@ -62,8 +62,6 @@ _STRINGS_NT = {"non_magnetic": (220.0, 0.0), "short": (1500.0, 0.0), "steel": (3
 _OF_STEEL = 0.3
 # 1 sigma of noise, scale error and soft iron of a magnetometer across the axis, nT: 0.1 to 0.2 % of the Earth's field.
 _MAG_SCATTER_NT = 100.0
-# 1 sigma of the difference of local gravity from the normal gravity of a place, from anomalies and tool depth, m/s^2.
-_LOCAL_GRAVITY = 0.002
 
 
 def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
@@ -100,7 +98,7 @@ def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
     bias_ug, scale_ppm, misalignment_mrad = accelerometer_figures(tool)
     derived = {
         "gravity": gravity or STANDARD_GRAVITY,
-        "gravity_sigma": _LOCAL_GRAVITY if gravity else getattr(default, "gravity_sigma", 0.0),
+        "gravity_sigma": LOCAL_GRAVITY if gravity else getattr(default, "gravity_sigma", 0.0),
         "gyro_range": math.radians(min(tool.gyro.range_deg_s)),
         "accel_range": min(tool.accelerometer.range_g) * STANDARD_GRAVITY,
         "coning": 0.0 if tool.samples == "integrated" else 1.0,
@@ -230,10 +228,12 @@ def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.GyroA
 
 def gyrocompass_params(settings: EstimatorSettings) -> SeekParams:
     """Return the parameters of the gyro azimuth of a station."""
-    gyro = settings.tool.precision.gyro
+    gyro, latitude_deg = settings.tool.precision.gyro, settings.place.lat_deg
     return dataclasses.replace(
         TACTICAL,
         method=settings.survey.gyro_method,
+        latitude_deg=math.nan if latitude_deg is None else latitude_deg,
+        height_m=settings.place.height_m,
         gyro_noise_deg_rth=gyro.noise_deg_sqrt_h,
         gyro_bias_deg_h=gyro.bias_deg_h,
         gyro_x_bias_deg_h=gyro.bias_deg_h,
