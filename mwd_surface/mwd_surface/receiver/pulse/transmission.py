@@ -27,7 +27,16 @@ from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, r
 from mwd_surface.receiver.pulse.passes import DecodedWord, Pass, parts_of, rows_from_sync, soft_words, stretch_of
 from mwd_surface.receiver.pulse.synchronisation import SyncFound
 from mwd_surface.receiver.pump_lines import STEADY_S
-from mwd_surface.receiver.words import ERASED, FrameReport, ReceivedWord, Reception, WordPlace, packet_rows, received
+from mwd_surface.receiver.words import (
+    BELIEVED,
+    ERASED,
+    FrameReport,
+    ReceivedWord,
+    Reception,
+    WordPlace,
+    packet_rows,
+    received,
+)
 
 _HISTORY_TU = 400  # length of the past that is used for the estimate of channel and clock, TU
 # Time after the last packet in which its response still carries energy.
@@ -268,9 +277,10 @@ class ReceivedTransmission:
         ]
         ebn0 = float(np.mean([part.ebn0_db for part in heard or now.parts]))
         # A second tool is named if it prevents words from being believed and is more probable than a wrong table, or if
-        # words fail after a sync during which another one began.
+        # no word is believed after a sync during which another one began.
         failing = self.doubt.failing
-        another = failing > _DOUBTFUL and self.second > max(_SECOND, _SECOND_SHARE * self.score)
+        another = self.second > max(_SECOND, _SECOND_SHARE * self.score)
+        another &= all(word.status != BELIEVED for word in words)
         two = another or self.doubt.two_tools > max(1.0 - TOOLFACE_LEVEL, 0.5 * failing)
         reason = _TWO_TOOLS if two else self.lost
         reason = reason or (_PARITIES_FAIL if failing > _DOUBTFUL else "")
