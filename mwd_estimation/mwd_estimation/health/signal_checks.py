@@ -95,7 +95,12 @@ class SignalLimits(NamedTuple):
     #: give less.
     axial_rate_noise: float = 10.0
     cross_rate_noise: float = 2.0
-    noise_ends: float = 0.5  #: share of these limits below which a NOISE fault ends
+    #: Below this share of these limits, a NOISE fault ends after some half seconds. Between this share and the limits,
+    #: samples may be smaller random numbers, or strong vibration seen by a sound sensor. Such half seconds count as one
+    #: observation against the fault every `noise_patience_ns`, so a fault ends if no half second is above the limits
+    #: for four times this time.
+    noise_ends: float = 0.5
+    noise_patience_ns: int = 5_000_000_000
     no_tesla: float = 3e-3  #: a stronger field must be in another unit, T; the check UNIT finds the unit
     #: `off_pace`, `in_pace`: share of intervals that are too long or too short for the sample rate; more than
     #: `off_pace` is a fault, less than `in_pace` is not.
@@ -204,18 +209,20 @@ def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limits: tu
     """
     worst, size2, axes, white, limit = 0.0, 0.0, 0, False, limits[1]
     check = checks[FaultCode.NOISE.value, 3 * s]
-    # The spread of random numbers varies: the fault must not end with a half second of smaller ones.
-    share = p.noise_ends if check.state == FAULT else 1.0
+    # The spread of random numbers varies: the fault must not end with a few half seconds of smaller ones.
+    share, large = p.noise_ends if check.state == FAULT else 1.0, False
     for c in range(3):
-        row = channels[3 * s + c]
+        row, least = channels[3 * s + c], limits[min(c, 1)]
         size2 += row.mean**2 + row.spread**2
-        if row.spread > share * limits[min(c, 1)]:
+        if row.spread > share * least:
             axes |= 1 << c
             worst = max(worst, row.spread)
             white = white or (row.n >= FEW and row.steps > p.white * row.n * row.spread)
+            large = large or row.spread > least
     if white and (s != 2 or size2 < p.no_tesla**2):
-        observe(check, FOR, began, worst, limit)
-        check.seen_which[0] = axes
+        if large or began - check.seen_ns > p.noise_patience_ns:
+            observe(check, FOR if large else AGAINST, began, worst, limit)
+            check.seen_which[0] = axes
         return True
     if channels[3 * s].n >= FEW:
         observe(check, AGAINST, began, 0.0, limit)

@@ -147,14 +147,30 @@ def test_a_sound_field_of_which_some_samples_are_wrong_is_not_random(every, size
     assert (FaultCode.NOISE, 6) not in Tool().half_second(turning(rate, field))
 
 
-@pytest.mark.fault_case(7)
-@given(size=st.floats(36.0, 54.0), seed=st.integers(0, 1000))
-def test_random_forces_that_are_sometimes_small_do_not_end_the_fault_and_sound_ones_do(size, seed):
+def a_noise_fault_lasts(columns, began, size, seed, bins):
+    """Whether a fault that random numbers of the size `began` have caused outlasts half seconds of a smaller size."""
     tool, rng = Tool(), np.random.default_rng(seed)
-    tool.checks[FaultCode.NOISE, 3]["state"] = debounce.FAULT
-    assert (FaultCode.NOISE, 3) in tool.half_second(put(slice(3, 6), rng.normal(0.0, size, (N, 3))))
-    tool.half_second()
-    assert tool.checks[FaultCode.NOISE, 3].seen == AGAINST
+    check = tool.checks[FaultCode.NOISE, columns.start]
+    states = []
+    for spread in [began] * 8 + [size] * bins:
+        tool.half_second(put(columns, rng.normal(0.0, spread, (N, 3))))
+        debounce.weigh(tool.checks)
+        states.append(check["state"] == debounce.FAULT)
+    assert states[7]
+    return states[-1]
+
+
+@pytest.mark.fault_case(7)
+@given(size=st.floats(50.0, 54.0), seed=st.integers(0, 1000))
+def test_random_forces_that_are_sometimes_small_do_not_end_the_fault(size, seed):
+    assert a_noise_fault_lasts(slice(3, 6), 90.0, size, seed, 80)
+
+
+@pytest.mark.fault_case(7)
+@pytest.mark.parametrize(("columns", "limit"), [(slice(0, 3), 2.0), (slice(3, 6), 56.5), (slice(6, 9), 1e-5)])
+@given(share=st.floats(0.01, 0.7), seed=st.integers(0, 1000))
+def test_broad_band_vibration_does_not_keep_the_noise_fault_of_a_sound_sensor(columns, limit, share, seed):
+    assert not a_noise_fault_lasts(columns, 2.0 * limit, share * limit, seed, 60)
 
 
 @pytest.mark.fault_case(7)
