@@ -47,7 +47,7 @@ LAST_MAGNETIC = dtype_of(LastMagnetic)
 @compiled
 def write(
     stretch: OneFieldStretch,
-    last: LastMagnetic,
+    state: Samples,
     samples: Samples,
     plain: Samples,
     azimuth: Samples,
@@ -58,13 +58,13 @@ def write(
     """
     Fill the messages of a stretch of n samples; return the number of rejected samples.
 
-    An unknown value is NaN, and so is its sigma. The sigma is pi for values that depend on a suspect sensor, and for
-    azimuth and gravity toolface near the vertical.
+    An unknown value is NaN, and so is its sigma. The sigma is pi for values from a suspect sensor, and for azimuth and
+    gravity toolface near the vertical.
 
     Parameters
     ----------
     stretch : OneFieldStretch
-    last : LastMagnetic
+    state : ndarray of dtype LAST_MAGNETIC, shape (1,)
         Changed in place.
     samples, plain, azimuth : ndarray, shape (n,)
         Samples, attitude without interference filter and gyros, and gyro-propagated azimuth; dtypes `sample.SAMPLE`,
@@ -74,6 +74,7 @@ def write(
     attitude, gravity : ndarray, shape (n,)
         Output, dtypes `wire.ATTITUDE` and `wire.GRAVITY`.
     """
+    last: LastMagnetic = state[0]
     rejected, pair = 0, 0
     for i in range(len(samples)):
         while pair < len(magnetic) and magnetic[pair].place - stretch.start <= i:

@@ -58,14 +58,6 @@ class AttitudeStream:
     """
     Attitude of one tool, block by block; the result does not depend on how the samples are cut into blocks.
 
-    Parameters
-    ----------
-    alignment : time_alignment_state.TimeAlignmentParams
-    interference : interference_state.InterferenceParams
-    azimuth : gyro_azimuth_state.GyroAzimuthParams
-    errors : SensorErrors
-    latitude_deg : float or None
-
     Attributes
     ----------
     handed_on : ndarray of dtype `time_alignment_state.PAIR`
@@ -188,7 +180,7 @@ class AttitudeStream:
         """
         stops = [place for place, _ in models[1:]] + [len(block.samples)]
         stretches = [(slice(start, stop), model) for (start, model), stop in zip(models, stops, strict=True)]
-        before = time_alignment.last_totals(self._alignment_state) or (math.nan, math.nan)
+        before = (time_alignment.last_totals(self._alignment_state) if events else None) or (math.nan, math.nan)
         rejected_samples.run(self._rejected_state, block.samples)
         plain, magnetic = self._align(block, stretches)
         azimuth = self._propagate(block, events, magnetic, precision)
@@ -197,7 +189,7 @@ class AttitudeStream:
             taken = slice(*np.searchsorted(magnetic["place"], [part.start, part.stop]))
             rejected += attitude_rows.write(
                 self._stretch(block, part.start, model),
-                self._last[0],
+                self._last,
                 block.samples[part],
                 plain[part],
                 azimuth[part],

@@ -88,7 +88,6 @@ def run(params: DynamicsParams, state: Samples, samples: Samples, attitude: Samp
 
     Parameters
     ----------
-    params : DynamicsParams
     state : ndarray, shape (1,)
         From `initial`; changed in place.
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
@@ -105,7 +104,7 @@ def run(params: DynamicsParams, state: Samples, samples: Samples, attitude: Samp
     stamps = samples["stamp_ns"]
     span = int(stamps.max() - stamps.min()) if len(stamps) else 0
     out = wire.DYNAMICS.empty(min(len(stamps), span // PERIOD_NS + 2))
-    count = _run(params, state[0], samples, attitude, out)
+    count = _run(params, state, samples, attitude, out)
     return out[:count]
 
 
@@ -200,8 +199,9 @@ def _add(slot: Slot, rate: float, axial2: float, lateral2: float) -> None:
 
 
 @compiled
-def _run(p: DynamicsParams, s: DynamicsState, samples: Samples, attitude: Samples, out: Samples) -> int:
+def _run(p: DynamicsParams, state: Samples, samples: Samples, attitude: Samples, out: Samples) -> int:
     """Fill `out` with the summaries of closed periods and return their number; arguments as in `run`."""
+    s: DynamicsState = state[0]
     closed = 0
     # End of the open slot, ns, computed once a slot: a division for each sample would cost more than its sums.
     end_ns = (s.index + 1) * SLOT_NS if s.index != _NONE else _NONE

@@ -58,7 +58,6 @@ def run(
 
     Parameters
     ----------
-    p : GyroAzimuthParams
     state : ndarray, shape (1,)
         State from `gyro_azimuth_state.initial`, changed in place; the result does not depend on the cut into blocks.
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
@@ -84,7 +83,7 @@ def run(
     # Make the array contiguous, so that numba compiles one layout only: a slice of columns is contiguous if it has one
     # row, and not contiguous if it has more.
     precision = PrecisionRates(precision.stamp_ns, np.ascontiguousarray(precision.rate_t))
-    used: int = _run(p, state[0], samples, steps, magnetic, precision, rows, propagated)
+    used: int = _run(p, state, samples, steps, magnetic, precision, rows, propagated)
     return rows, propagated, used
 
 
@@ -204,7 +203,7 @@ def _write(p: GyroAzimuthParams, s: GyroAzimuthState, sigma: float, across2: flo
 @compiled
 def _run(
     p: GyroAzimuthParams,
-    s: GyroAzimuthState,
+    state: Samples,
     samples: Samples,
     steps: Samples,
     magnetic: Samples,
@@ -213,6 +212,7 @@ def _run(
     propagated: Samples,
 ) -> int:
     """Fill `rows` and `propagated`, and return the number of magnetic azimuths used; arguments as in `run`."""
+    s: GyroAzimuthState = state[0]
     used, precision_used, step = 0, 0, 0
     sigma = kalman_filter.azimuth_sigma(s)
     earth_north = p.earth_north * math.cos(s.x[Error.AZIMUTH])

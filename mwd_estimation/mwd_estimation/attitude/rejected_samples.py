@@ -60,7 +60,7 @@ def run(state: Samples, samples: Samples) -> None:
     """
     # If no sample is rejected, store only the last samples, which later blocks may need.
     rejected = (samples["status"] & _REJECTED != 0).any()
-    _run(state[0], samples if rejected else samples[-_RING:])
+    _run(state, samples if rejected else samples[-_RING:])
 
 
 @compiled
@@ -153,7 +153,8 @@ def _propagate(s: RejectedState, sample: Sample) -> None:
 
 
 @compiled
-def _run(s: RejectedState, samples: Samples) -> None:
+def _run(state: Samples, samples: Samples) -> None:
+    s: RejectedState = state[0]
     for i in range(len(samples)):
         if samples[i].status & _REJECTED == 0:
             _keep(s, samples[i])

@@ -31,7 +31,7 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 
-_MAX_GAP = 0.5  # s, steps between samples from this length on are data gaps: the rotation is not integrated over them
+_MAX_GAP = 0.5  # length of a step from which it is a data gap, s: the rotation is not integrated over it
 _NO_MAG, _NEAR_VERTICAL = int(Status.NO_MAG), int(Status.NEAR_VERTICAL)
 
 
@@ -54,13 +54,10 @@ def run(
 
     Parameters
     ----------
-    p : TimeAlignmentParams
     state : ndarray, shape (1,)
         State from `time_alignment_state.initial`, changed in place; the result does not depend on the cut into blocks.
-    model : FieldModel
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
         Samples; `turn` is filled where gravity is known.
-    mag : MagBlock
 
     Returns
     -------
@@ -73,7 +70,7 @@ def run(
     """
     rows = np.zeros(len(samples), dtype=ATTITUDE_ROW)
     pairs = np.zeros(len(mag.stamp_ns), dtype=PAIR)
-    used, handed_on = _run(p, state[0], model, samples, mag, rows, pairs)
+    used, handed_on = _run(p, state, model, samples, mag, rows, pairs)
     return rows, pairs[:handed_on].copy(), used
 
 
@@ -304,7 +301,7 @@ def _write(
 @compiled
 def _run(
     p: TimeAlignmentParams,
-    s: TimeAlignmentState,
+    state: Samples,
     model: FieldModel,
     samples: Samples,
     mag: MagBlock,
@@ -312,6 +309,7 @@ def _run(
     pairs: Samples,
 ) -> tuple[int, int]:
     """Fill `rows` and `pairs`; return the numbers of magnetic samples used and of pairs; arguments as in `run`."""
+    s: TimeAlignmentState = state[0]
     used, handed_on = 0, 0
     across_axis = model.sigma_axial * math.sin(s.azimuth - model.north_correction)
     for i in range(len(samples)):

@@ -55,7 +55,6 @@ def run(params: DwellParams, state: Samples, stamps: Stamps, track: Track) -> No
 
     Parameters
     ----------
-    params : DwellParams
     state : ndarray of dtype RECORD, shape (1,)
         State, zeros at first, changed in place; the result does not depend on how the samples are cut into blocks.
     stamps : ndarray of int64, shape (n,)
@@ -63,11 +62,12 @@ def run(params: DwellParams, state: Samples, stamps: Stamps, track: Track) -> No
     track : Track
         Track whose rotary speed and status are read, and whose status is changed.
     """
-    _run(params, state[0], stamps, track.rotary_speed, track.status)
+    _run(params, state, stamps, track.rotary_speed, track.status)
 
 
 @compiled
-def _run(p: DwellParams, s: DwellRecord, stamps: Stamps, rotary_speed: Array, status: NDArray[Any]) -> None:
+def _run(p: DwellParams, state: Samples, stamps: Stamps, rotary_speed: Array, status: NDArray[Any]) -> None:
+    s: DwellRecord = state[0]
     for i in range(len(stamps)):
         if status[i] & _REJECTED == 0 and stamps[i] > s.last_ns:
             _follow(s, stamps[i], abs(rotary_speed[i]), status[i] & _ROTATING != 0)

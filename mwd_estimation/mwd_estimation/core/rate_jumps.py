@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
@@ -66,7 +66,7 @@ class RateJumps:
         gyro : ndarray, shape (n, 3)
             Rates, rad/s, in tool axes.
         """
-        doubted = _run(self._state[0], stamps, gyro)
+        doubted = _run(self._state, stamps, gyro)
         if not doubted.any():
             return gyro
         gyro = gyro.copy()
@@ -75,8 +75,9 @@ class RateJumps:
 
 
 @compiled
-def _run(s: JumpState, stamps: Stamps, gyro: Array) -> NDArray[np.bool_]:
+def _run(state: Samples, stamps: Stamps, gyro: Array) -> NDArray[np.bool_]:
     """Update the state with samples; return a mask of the doubted samples, shape (n,)."""
+    s: JumpState = state[0]
     doubted = np.zeros(len(stamps), dtype=np.bool_)
     for i in range(len(stamps)):
         if not math.isfinite(gyro[i, 0] + gyro[i, 1] + gyro[i, 2]):

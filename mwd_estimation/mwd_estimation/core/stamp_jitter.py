@@ -14,13 +14,13 @@ import math
 
 import numpy as np
 
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
 _MEMORY = 200  # number of samples over which the steps are averaged
 _FIRST = 50  # number of steps after which the period counts as known
-_SILENCE = 0.5  # s, a longer step is a gap
+_SILENCE = 0.5  # longest step that is not a gap, s
 # The stamps follow no period if the mean distance of the steps from whole periods is above _UNEVEN periods (random
 # steps: 0.25), or if the period found is shorter than the share _SHORTEST of the mean step.
 _UNEVEN, _SHORTEST = 0.17, 0.2
@@ -49,13 +49,14 @@ class StampJitter:
 
     def sigma(self, stamps: Stamps) -> Array:
         """Add stamps, ns, (n,); return 1 sigma of the error of each, s, (n,), which is 0 before 50 steps are known."""
-        sigma: Array = _run(self._state[0], stamps)
+        sigma: Array = _run(self._state, stamps)
         return sigma
 
 
 @compiled
-def _run(s: JitterState, stamps: Stamps) -> Array:
+def _run(state: Samples, stamps: Stamps) -> Array:
     """Update the state with stamps; return 1 sigma of the error of each stamp, s, shape (n,)."""
+    s: JitterState = state[0]
     sigma = np.zeros(len(stamps))
     for i in range(len(stamps)):
         step = 1e-9 * (stamps[i] - s.last_ns)

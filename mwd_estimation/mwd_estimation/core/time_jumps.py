@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Samples, Stamps
+from mwd_sensors.core.compiled import compiled
 
 # Largest step forward or back that needs no confirmation, ns.
 BACK_NS = 1_000_000_000
@@ -74,14 +75,22 @@ class _Pace:
     def take_block(self, stamps: Stamps) -> bool:
         """Accept a block and return True if each stamp is within BACK_NS of the latest one; else only return False."""
         first = int(stamps[0]) if self.last_ns == _NONE else self.last_ns
-        latest = np.maximum.accumulate(np.concatenate([[first], stamps]))
-        if not ((stamps > latest[:-1] - BACK_NS) & (stamps <= latest[:-1] + BACK_NS)).all():
-            return False
-        steps = np.diff(latest)
-        steps = steps[steps > 0]
-        self._step = int(steps[-1]) if len(steps) else self._step
-        self.last_ns = int(latest[-1])
-        return True
+        near, latest, step = _near(np.ascontiguousarray(stamps), first)
+        if near:
+            self.last_ns, self._step = latest, step or self._step
+        return bool(near)
+
+
+@compiled
+def _near(stamps: Stamps, latest: int) -> tuple[bool, int, int]:
+    """Return whether each stamp is within BACK_NS of the latest one before, the latest stamp and the last step, ns."""
+    step = 0
+    for stamp in stamps:
+        if not latest - BACK_NS < stamp <= latest + BACK_NS:
+            return False, latest, step
+        if stamp > latest:
+            step, latest = stamp - latest, stamp
+    return True, latest, step
 
 
 class _Beside:
@@ -225,7 +234,7 @@ class Clocks:
         begins_ns, went_back = int(other.jump[0]["stamp_ns"][0]), other.first_ns < pace.last_ns
         returns = begins_ns > pace.last_ns - BACK_NS and (went_back or begins_ns <= self._lead.last_ns + BACK_NS)
         if not returns and begins_ns > int(other.waiting[-1]["stamp_ns"][0]):
-            # A data gap in the new time.
+            # The new time has a data gap.
             other.waiting += other.jump
             other.jump = []
             return sample[:0]

@@ -185,8 +185,8 @@ def run(params: MonitorParams, state: MonitorState, stamp_ns: ArrayLike, gyro_t:
         if at < len(samples.stamps):
             step.changes.extend(_after_bin(state, params.window))
             step.places.extend([at - offset] * (len(step.changes) - len(step.places)))
-    stream = tables.stream[0]
-    used, mag_used = int(stream.first), int(stream.mag_first)
+    stream = tables.stream
+    used, mag_used = int(stream["first"][0]), int(stream["mag_first"][0])
     state.samples = Samples(
         samples.stamps[used:].copy(),
         samples.gyro[used:].copy(),
@@ -194,10 +194,10 @@ def run(params: MonitorParams, state: MonitorState, stamp_ns: ArrayLike, gyro_t:
         samples.mag_ns[mag_used:].copy(),
         samples.mag[mag_used:].copy(),
     )
-    stream.first, stream.mag_first = 0, 0
-    stream.stop -= used
+    stream["first"] = stream["mag_first"] = 0
+    stream["stop"] -= used
     if len(tables.refused):
-        later = tables.refused["stamp_ns"] >= int(stream.bin) * BIN_NS
+        later = tables.refused["stamp_ns"] >= int(stream["bin"][0]) * BIN_NS
         state.tables = tables._replace(refused=tables.refused[later])
     return step
 

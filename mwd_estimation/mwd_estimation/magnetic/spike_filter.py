@@ -19,7 +19,7 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
 _MEMORY = 9  # number of samples in the median
-_MIN_JUMP = 3e-6  # T; a smaller jump is never a spike
+_MIN_JUMP = 3e-6  # smallest jump that can be a spike, T
 _SPREADS = 8.0  # limit as a multiple of the median absolute deviation from the median
 _GAP_NS = 10_000_000_000  # data gap after which the filter restarts, ns
 
@@ -57,7 +57,7 @@ def run(state: Samples, stamp_ns: Stamps, b_t: Array) -> NDArray[np.bool_]:
     ndarray of bool, shape (n,)
     """
     sound = np.ones(len(stamp_ns), dtype=np.bool_)
-    _run(state[0], np.ascontiguousarray(stamp_ns), np.ascontiguousarray(b_t), sound)
+    _run(state, np.ascontiguousarray(stamp_ns), np.ascontiguousarray(b_t), sound)
     return sound
 
 
@@ -74,7 +74,8 @@ def _median(values: Array, work: Array) -> float:
 
 
 @compiled
-def _run(s: SpikeState, stamps: Stamps, b_t: Array, sound: NDArray[np.bool_]) -> None:
+def _run(state: Samples, stamps: Stamps, b_t: Array, sound: NDArray[np.bool_]) -> None:
+    s: SpikeState = state[0]
     work, away = np.empty(_MEMORY), np.empty(_MEMORY)
     for i in range(len(stamps)):
         strength = np.sqrt(b_t[i, 0] ** 2 + b_t[i, 1] ** 2 + b_t[i, 2] ** 2)

@@ -47,7 +47,6 @@ class Pipeline:
 
     Parameters
     ----------
-    settings : EstimatorSettings
     reference : Reference, optional
         Reference that replaces the reference of the settings, such as a field measured before the run.
     mount : Mount, optional
@@ -173,12 +172,13 @@ class Pipeline:
 
     def _take_imu(self, samples: Samples, followed: Track | None) -> Output:
         """Process samples without a jump back of time, cut where the stated noise changes; return their output."""
-        output = Output.empty(0)
+        output: Output | None = None
         while True:
             count, noise = self._onset.next_change(samples)
             part = samples[:count]
             self._onset.keep_imu(part, followed)
-            output = output.joined(self._estimate.take_imu(part, followed))
+            taken = self._estimate.take_imu(part, followed)
+            output = taken if output is None else output.joined(taken)
             if noise is None:
                 return output
             self._set_noise(noise, output)
@@ -266,7 +266,7 @@ class Pipeline:
 
         The result is in `Output.north`.
         """
-        self.requests.start_north(duration_s, mode, self._estimate.local_gravity)
+        self.requests.start_north(duration_s, mode)
 
     @property
     def requests(self) -> Requests:
@@ -378,8 +378,8 @@ class NoiseOnset:
     def forget(self) -> None:
         """Discard the kept samples, because the estimate restarts for another reason."""
         self._begun_ns: int | None = None
-        # Samples of other streams are used from this stamp on, ns.
-        self._from_ns = np.iinfo(np.int64).min
+        # Samples of other streams are used from this stamp on, ns; None: all.
+        self._from_ns: int | None = None
         self._imu: list[tuple[Samples, Track | None]] = []
         self._beside: dict[str, Samples] = {}
 
@@ -402,7 +402,9 @@ class NoiseOnset:
             for vector, ns in self._watch.known_ns.items()
             if vector not in self._counting
         }
-        due_ns = min(known_ns.values(), default=np.iinfo(np.int64).max)
+        if not known_ns:
+            return len(samples), None
+        due_ns = min(known_ns.values())
         later = np.flatnonzero(samples["stamp_ns"] > due_ns)
         if not len(later):
             return len(samples), None
@@ -427,7 +429,7 @@ class NoiseOnset:
 
         Returns the samples that the present estimate uses.
         """
-        used = samples[samples["stamp_ns"] > self._from_ns]
+        used = samples if self._from_ns is None else samples[samples["stamp_ns"] > self._from_ns]
         if len(self._counting) < _ALL:
             self._beside[name] = np.concatenate([self._beside.get(name, used[:0]), used])[-_MOST:]
         return used

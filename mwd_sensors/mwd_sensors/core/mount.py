@@ -231,10 +231,8 @@ def resolve(
 
     Parameters
     ----------
-    given : MountSettings
     names : mapping of str to str, optional
         Frame name in the messages of each unit (imu, mag, precision); missing or empty if not known.
-    transforms : Transforms, optional
 
     Returns
     -------
@@ -284,8 +282,11 @@ def _snapped(mat: Array) -> Array:
     return whole + 0.0 if np.abs(mat - whole).max() < 1e-9 else mat
 
 
+_SAME_AXES = np.eye(3)
+
+
 def _turned(samples: Samples, mat: Array, fields: tuple[str, ...]) -> Samples:
-    if np.array_equal(mat, np.eye(3)):
+    if (mat == _SAME_AXES).all():
         return samples
     out = samples.copy()
     for name in fields:

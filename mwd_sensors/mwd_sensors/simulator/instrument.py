@@ -9,7 +9,6 @@ acceleration and vibration, noise, clipping and steps; then strapdown integratio
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import NamedTuple
 
@@ -21,36 +20,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.simulator.instrument_grade import AccelerometerGrade, GyroGrade, MagnetometerGrade
 
 
-class Converter(NamedTuple):
-    """
-    Errors of a converter, which turn a true vector into a reading.
-
-    Attributes
-    ----------
-    matrix : ndarray, shape (3, 3)
-        Scale and misalignment.
-    bias : ndarray, shape (3,)
-        Bias, SI.
-    g_matrix : ndarray, shape (3, 3)
-        Sensitivity to specific force, SI per m/s^2.
-    g2 : ndarray, shape (3,)
-        Sensitivity to squared specific force, SI per (m/s^2)^2.
-    limit : ndarray, shape (3,)
-        Largest reading, SI.
-    step : float
-        Quantisation step, SI; 0 for none.
-    """
-
-    matrix: Array
-    bias: Array
-    g_matrix: Array
-    g2: Array
-    limit: Array
-    step: float
-
-
-@dataclasses.dataclass(frozen=True)
-class Triad:
+class Triad(NamedTuple):
     """
     Errors of one sensor triad of one tool, drawn at random, SI.
 
@@ -88,18 +58,6 @@ class Triad:
     walk: float
     limit: Array
     step: float
-
-    def converter(self, bias: Array, warm: float) -> Converter:
-        """
-        Return the errors of the converter at one temperature.
-
-        bias, shape (3,), is the slow bias at that time, SI; warm is the temperature minus the temperature of the
-        calibration, degC.
-        """
-        matrix = self.matrix.copy()
-        for axis in range(3):
-            matrix[axis, axis] += self.scale_per_c[axis] * warm
-        return Converter(matrix, bias, self.g_matrix, self.g2, self.limit, self.step)
 
 
 # Peak of the Allan deviation of a first-order Markov process (at 1.89 correlation times) divided by its steady sigma
@@ -213,17 +171,11 @@ def filtered(x: Array, weights: Array, first: int, stride: int, out: Array) -> N
             out[k, axis] = total
 
 
-@dataclasses.dataclass
-class TriadState:
+class TriadState(NamedTuple):
     """Slowly changing biases of a triad: Markov bias and random walk, SI, shape (3,) each."""
 
     markov: Array
     walk: Array
-
-    @property
-    def bias(self) -> Array:
-        """Sum of Markov bias and random walk, SI, shape (3,)."""
-        return self.markov + self.walk
 
 
 def initial(triad: Triad, rng: np.random.Generator) -> TriadState:
@@ -231,34 +183,42 @@ def initial(triad: Triad, rng: np.random.Generator) -> TriadState:
     return TriadState(triad.instability * rng.standard_normal(3), np.zeros(3))
 
 
-def advance(triad: Triad, state: TriadState, seconds: float, rng: np.random.Generator) -> None:
-    """Advance the slow biases by a time, s."""
+@compiled
+def advance(triad: Triad, state: TriadState, seconds: float, warm: Array, draws: Array, out: Array) -> None:
+    """
+    Advance the slow biases by s steps; fills out, shape (s, 3), with the bias after each step, SI.
+
+    seconds is the length of a step, s. warm, shape (s,), is the temperature minus the calibration temperature, degC.
+    draws, shape (s, 2, 3), are standard normal random numbers.
+    """
     keep = math.exp(-seconds / triad.instability_s)
-    draw = rng.standard_normal((2, 3))
-    state.markov = keep * state.markov + triad.instability * math.sqrt(1.0 - keep * keep) * draw[0]
-    state.walk = state.walk + triad.walk * math.sqrt(seconds) * draw[1]
-
-
-def slow_bias(triad: Triad, state: TriadState, warm: float) -> Array:
-    """Return the present bias, SI, shape (3,); warm is the temperature minus the calibration temperature, degC."""
-    return triad.bias + triad.bias_per_c * warm + state.bias
+    drawn, walked = triad.instability * math.sqrt(1.0 - keep * keep), triad.walk * math.sqrt(seconds)
+    for k in range(len(out)):
+        for i in range(3):
+            state.markov[i] = keep * state.markov[i] + drawn * draws[k, 0, i]
+            state.walk[i] += walked * draws[k, 1, i]
+            out[k, i] = triad.bias[i] + triad.bias_per_c[i] * warm[k] + (state.markov[i] + state.walk[i])
 
 
 @compiled
-def convert(errors: Converter, x: Array, f: Array, gravity: float, noise: Array, out: Array) -> None:
+def convert(
+    triad: Triad, bias: Array, warm: Array, x: Array, f: Array, gravity: Array, noise: Array, out: Array
+) -> None:
     """
-    Convert true vectors to readings with the errors of a converter; fills out, shape (m, 3).
+    Convert true vectors to readings in s steps of equal length; fills out, shape (m, 3).
 
-    x and f, shape (m, 3), are input and specific force, SI; gravity is in m/s^2; noise, shape (m, 3), is added to each
-    sample, SI. The rectification term is f^2 - gravity^2 / 3, so that a tool at rest reads its bias.
+    bias, shape (s, 3), is the slow bias, SI; warm, shape (s,), the temperature minus the calibration temperature, degC;
+    gravity, shape (s,), is in m/s^2. x and f, shape (m, 3), are input and specific force, SI; noise, shape (m, 3), is
+    added to each sample, SI. The rectification term is f^2 - gravity^2 / 3, so that a tool at rest reads its bias.
     """
-    matrix, bias, g_matrix, g2 = errors.matrix, errors.bias, errors.g_matrix, errors.g2
-    limit, step = errors.limit, errors.step
+    matrix, g_matrix, g2, limit, step = triad.matrix.copy(), triad.g_matrix, triad.g2, triad.limit, triad.step
     for k in range(len(x)):
+        at = k * len(warm) // len(x)
         for i in range(3):
+            matrix[i, i] = triad.matrix[i, i] + triad.scale_per_c[i] * warm[at]
             y = matrix[i, 0] * x[k, 0] + matrix[i, 1] * x[k, 1] + matrix[i, 2] * x[k, 2]
             y += g_matrix[i, 0] * f[k, 0] + g_matrix[i, 1] * f[k, 1] + g_matrix[i, 2] * f[k, 2]
-            y += g2[i] * (f[k, i] * f[k, i] - gravity * gravity / 3.0) + bias[i] + noise[k, i]
+            y += g2[i] * (f[k, i] * f[k, i] - gravity[at] * gravity[at] / 3.0) + bias[at, i] + noise[k, i]
             y = min(max(y, -limit[i]), limit[i])
             if step > 0.0:
                 y = math.floor(y / step + 0.5) * step

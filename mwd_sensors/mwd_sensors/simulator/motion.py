@@ -93,27 +93,36 @@ class SimulatedMotion:
     lines: SpectralLines
     hits: Hits
 
-    def at(self, first: int, count: int, rate: float, turn: Array | None = None) -> Kinematics:
+    def at(self, first: int, count: int, rate: float, turn: Array | None = None, span: int | None = None) -> Kinematics:
         """
         Return the kinematics at the instants (first + k) / rate, s, k = 0 .. count - 1; first may be negative.
 
-        turn, shape (3, count), is the angle of the string, rad, with rate and acceleration; it replaces the schedule's
-        rotation.
+        Parameters
+        ----------
+        turn : ndarray, shape (3, count), optional
+            Angle of the string, rad, with rate and acceleration; it replaces the schedule's rotation.
+        span : int, optional
+            Number of instants after which the vibration is computed anew from the time; its rounding depends on this
+            number. None: all at once.
         """
-        dt, start = 1.0 / rate, first / rate
+        dt = 1.0 / rate
         t = (first + np.arange(count)) / rate
         line = self.timeline
         bit, angle = line.bit(t), line.angle(t) if turn is None else turn
         envelopes = np.stack([envelope(t) for envelope in line.envelopes])
         shake = np.zeros((CHANNELS, 3, count))
-        if len(self.lines.channel):
-            add_lines(self.lines, envelopes, start, dt, shake)
-        if len(self._per_turn.channel):
-            add_per_turn(self._per_turn, angle, shake)
-        for sweep in self.vibrations.sweeps:
-            add_sweep(_sweep_lines(sweep), start, dt, shake)
-        if len(self.hits.time):
-            add_hits(self.hits, start, dt, shake)
+        for begin in range(0, count, span or count):
+            part = slice(begin, begin + (span or count))
+            start, added = float(t[begin]), np.ascontiguousarray(shake[:, :, part])
+            if len(self.lines.channel):
+                add_lines(self.lines, np.ascontiguousarray(envelopes[:, :, part]), start, dt, added)
+            if len(self._per_turn.channel):
+                add_per_turn(self._per_turn, np.ascontiguousarray(angle[:, part]), added)
+            for sweep in self.vibrations.sweeps:
+                add_sweep(_sweep_lines(sweep), start, dt, added)
+            if len(self.hits.time):
+                add_hits(self.hits, start, dt, added)
+            shake[:, :, part] = added
         out = Kinematics(
             mat_nt=np.empty((count, 3, 3)),
             rate_t=np.empty((count, 3)),

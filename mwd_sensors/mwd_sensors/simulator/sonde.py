@@ -48,7 +48,7 @@ _STREAMS = (
 )
 # Streams that differ from one start of the same tool to the next: a real sensor never has the same noise twice.
 _NOISE = ("ahrs_run", "precision_run", "mag_run", "gamma")
-_TURNING = 0.5  # rad/s; at a lower speed of the top drive the activity is sliding
+_TURNING = 0.5  # speed of the top drive below which the activity is sliding, rad/s
 
 
 class Sonde:
@@ -228,7 +228,8 @@ class Sonde:
             self._given = min(start + count * seconds, end)
             until = self._given + 1e-9
             while self.time < self._given - 1e-9:
-                for topic, arrived in self._advance().items():
+                missing = math.ceil((self._given - 1e-9 - self.time) * self.scenario.rate_hz / self._outputs)
+                for topic, arrived in self._advance(min(max(missing, 1), _STEPS)).items():
                     self._kept[topic].append(arrived)
             yield {topic: self._remove(topic, until) for topic in self.topics}
             count += 1
@@ -243,18 +244,18 @@ class Sonde:
         parts[:] = [(samples[cut:], t[cut:])]
         return np.asarray(samples[:cut])
 
-    def _advance(self) -> dict[str, tuple[Samples, Array]]:
-        """Simulate one step; return samples and arrival times of every topic."""
+    def _advance(self, steps: int) -> dict[str, tuple[Samples, Array]]:
+        """Simulate a number of steps; return samples and arrival times of every topic."""
         scenario, rate = self.scenario, self.scenario.rate_hz
-        inputs = self._next_inputs()
-        index = self._step * self._outputs + 1 + np.arange(self._outputs, dtype=np.int64)
+        inputs = self._next_inputs(steps)
+        index = self._step * self._outputs + 1 + np.arange(steps * self._outputs, dtype=np.int64)
         t = index / rate
-        self._step += 1
-        at = self._margin + self._per_output * np.arange(1, self._outputs + 1)
+        self._step += steps
+        at = self._margin + self._per_output * np.arange(1, len(t) + 1)
         mat_nt, position, md = inputs.mat_nt[at], inputs.position_n[at], inputs.md[at]
         celsius = self._celsius(t, position)
-        warm = float(celsius[0]) - self.ahrs.grade.calibrated_at_c
-        gravity = self._gravity(float(position[0, 2]))
+        warm = celsius[:: self._outputs] - self.ahrs.grade.calibrated_at_c
+        gravity = self._gravity(position[:: self._outputs, 2])
         stamps = self._stamps(index)
         out: dict[str, tuple[Samples, Array]] = {}
         for name, unit, f_t in zip(("imu/data_raw", "gyro/data_raw"), self._units, inputs.f_t, strict=False):
@@ -268,7 +269,7 @@ class Sonde:
         whole = index % rate == 0
         out["imu/temperature"] = (self._temperature(stamps[whole], celsius[whole]), t[whole])
         for topic, link in self._links.items():
-            out[topic] = faults.carry(link, *faults.spoil(self.faults, topic, *out[topic]))
+            out[topic] = faults.carry(link, *self._spoiled(topic, *out[topic], t[self._outputs :: self._outputs]))
         truth = self._truth(inputs, at, t, stamps, celsius, earth_t, disturbing_t)
         out["truth"] = (truth, t)
         if self.gamma is not None:
@@ -283,6 +284,17 @@ class Sonde:
         out["rig/state"] = (self._rig(index[gauge], t[gauge], inputs.drive[at][gauge]), t[gauge])
         return out
 
+    def _spoiled(self, topic: str, samples: Samples, t: Array, starts: Array) -> tuple[Samples, Array]:
+        """Apply the faults step by step, because they share random numbers; starts: of the steps after the first, s."""
+        if not self.faults.faults or not len(starts):
+            return faults.spoil(self.faults, topic, samples, t)
+        cuts = np.searchsorted(t, starts)
+        parts = [
+            faults.spoil(self.faults, topic, *part)
+            for part in zip(np.split(samples, cuts), np.split(t, cuts), strict=True)
+        ]
+        return joined([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
     def _truth(
         self,
         inputs: TrueInputs,
@@ -293,9 +305,9 @@ class Sonde:
         earth_t: Array,
         disturbing_t: Array,
     ) -> Samples:
-        """Return the true values of one step, at the rows `at` of the kinematics and the times `t`, s."""
+        """Return the true values of the steps, at the rows `at` of the kinematics and the times `t`, s."""
         mat_nt = inputs.mat_nt[at]
-        truth = wire.TRUTH.empty(self._outputs)
+        truth = wire.TRUTH.empty(len(t))
         truth["stamp_ns"] = stamps
         truth["orientation"] = frames.orientation_et(mat_nt)
         truth["angular_velocity"] = inputs.rate_t[at]
@@ -303,10 +315,9 @@ class Sonde:
         truth["gravity"] = mat_nt[:, 2, :]
         truth["position"], truth["velocity"] = inputs.position_n[at], inputs.velocity_n[at]
         truth["magnetic_field"], truth["interference"] = earth_t, disturbing_t
-        truth["gyro_bias"], truth["accel_bias"] = self.ahrs.gyro_bias, self.ahrs.accel_bias
-        if self.precision is not None:
-            truth["precision_gyro_bias"] = self.precision.gyro_bias
-            truth["precision_accel_bias"] = self.precision.accel_bias
+        for prefix, unit in zip(("", "precision_"), self._units, strict=False):
+            truth[prefix + "gyro_bias"] = np.repeat(unit.gyro_bias, self._outputs, axis=0)
+            truth[prefix + "accel_bias"] = np.repeat(unit.accel_bias, self._outputs, axis=0)
         truth["inclination"], truth["azimuth"], truth["gravity_toolface"] = frames.hole_angles(mat_nt)
         truth["measured_depth"], truth["temperature"] = inputs.md[at], celsius
         activity = np.round(self.motion.timeline.activity(t)[0]).astype(np.uint32)
@@ -316,23 +327,23 @@ class Sonde:
         truth["activity"] = activity
         return truth
 
-    def _next_inputs(self) -> TrueInputs:
-        """Return the kinematics of one step with the margins that the low-passes need on both sides."""
+    def _next_inputs(self, steps: int) -> TrueInputs:
+        """Return the kinematics of the steps with the margins that the low-passes need on both sides."""
         n = self._outputs * self._per_output
-        first = self._step * n
+        first, around = self._step * n, 2 * self._margin + 1
         if self._inputs is None:
-            old = self._inputs_at(first - self._margin, 2 * self._margin + 1)
+            old = self._inputs_at(first - self._margin, around, around)
         else:
-            old = self._inputs.tail(2 * self._margin + 1)
-        self._inputs = old.joined(self._inputs_at(first + self._margin + 1, n))
+            old = self._inputs.tail(around)
+        self._inputs = old.joined(self._inputs_at(first + self._margin + 1, steps * n, n))
         return self._inputs
 
-    def _inputs_at(self, first: int, count: int) -> TrueInputs:
+    def _inputs_at(self, first: int, count: int, span: int) -> TrueInputs:
         rate = self.scenario.kinematics_hz
         turn, drive = None, np.empty((count, 0))
         if self.string is not None:
             turn, drive = self.string.advance(first, count)
-        k = self.motion.at(first, count, float(rate), turn)
+        k = self.motion.at(first, count, float(rate), turn, span)
         f_t, rate_it = [], np.empty((count, 3))
         for unit in self._units:
             f = np.empty((count, 3))
@@ -340,7 +351,7 @@ class Sonde:
             f_t.append(f)
         return TrueInputs(k.mat_nt, k.rate_t, rate_it, k.position_n, k.velocity_n, k.md, f_t, drive)
 
-    def _gravity(self, down: float) -> float:
+    def _gravity(self, down: Array) -> Array:
         return self._place.gravity + self._place.gravity_gradient * down
 
     def _celsius(self, t: Array, position: Array) -> Array:
@@ -360,12 +371,12 @@ class Sonde:
         stamps = self.epoch_ns + nominal + drift + jitter
         return faults.jumped(scenario.link, stamps, index / scenario.rate_hz)
 
-    def _mag(self, stamps: Stamps, b_t: Array, warm: float) -> Samples:
+    def _mag(self, stamps: Stamps, b_t: Array, warm: Array) -> Samples:
         triad = self.magnetometer
         noise = triad.noise * self._rng["mag_run"].standard_normal(b_t.shape)
         read = np.empty_like(b_t)
-        errors = triad.converter(triad.bias + triad.bias_per_c * warm, warm)
-        instrument.convert(errors, b_t, np.zeros_like(b_t), 0.0, noise, read)
+        bias = triad.bias + triad.bias_per_c * warm[:, None]
+        instrument.convert(triad, bias, warm, b_t, np.zeros_like(b_t), np.zeros_like(warm), noise, read)
         samples = wire.MAG.empty(len(stamps))
         samples["stamp_ns"], samples["magnetic_field"] = stamps, read
         samples["magnetic_field_covariance"][:, ::4] = triad.noise**2 + triad.step**2 / 12.0
@@ -509,7 +520,7 @@ class TrueInputs:
 # Flow of pumps that obey commands: the scheduled flow times a share that ramps to a command and back to 1.
 
 
-_KEPT_S = 600.0  # s; time for which past shares are kept, because pressure and tool flow are computed later
+_KEPT_S = 600.0  # time for which past shares are kept, s, because pressure and tool flow are computed later
 
 
 class CommandedFlow:
@@ -596,8 +607,8 @@ class MeasuringUnit:
     ----------
     margin : int
         Number of kinematic samples needed before and after each output.
-    gyro_bias, accel_bias : ndarray, shape (3,)
-        Slow bias at the last output, rad/s and m/s^2.
+    gyro_bias, accel_bias : ndarray, shape (s, 3)
+        Slow bias in each step of the last samples, rad/s and m/s^2.
     """
 
     def __init__(
@@ -623,42 +634,47 @@ class MeasuringUnit:
         self._run = run
         self._gyro_state = instrument.initial(self.gyro, run)
         self._accel_state = instrument.initial(self.accelerometer, run)
-        self.gyro_bias = instrument.slow_bias(self.gyro, self._gyro_state, 0.0)
-        self.accel_bias = instrument.slow_bias(self.accelerometer, self._accel_state, 0.0)
 
-    def samples(self, rate_it: Array, f_t: Array, margin: int, stamps: Stamps, warm: float, gravity: float) -> Samples:
+    def samples(self, rate_it: Array, f_t: Array, margin: int, stamps: Stamps, warm: Array, gravity: Array) -> Samples:
         """
-        Return the output of one step, dtype of `wire.IMU`.
+        Return the output of s steps, dtype of `wire.IMU`.
 
         Parameters
         ----------
         rate_it, f_t : ndarray, shape (n, 3)
             True rate, rad/s, and specific force, m/s^2, at the unit, at the kinematic rate, from `margin` samples
-            before the step to at least `self.margin` samples after it.
+            before the steps to at least `self.margin` samples after them.
         margin : int
-            Number of samples before the step.
+            Number of samples before the steps.
         stamps : ndarray, shape (m,)
             Stamps of the outputs, ns.
-        warm : float
+        warm : ndarray, shape (s,)
             Temperature minus the temperature of the calibration, degC.
-        gravity : float
+        gravity : ndarray, shape (s,)
             Strength of gravity, m/s^2.
         """
-        outputs = len(stamps)
+        outputs, steps = len(stamps), len(warm)
         count = outputs * self._ratio
         first = margin + (self._stride // 2 if self._integrated else self._stride)
         rate, force = np.empty((count, 3)), np.empty((count, 3))
         instrument.filtered(rate_it, self._gyro_weights, first, self._stride, rate)
         instrument.filtered(f_t, self._accel_weights, first, self._stride, force)
-        seconds = outputs / self._rate
-        instrument.advance(self.gyro, self._gyro_state, seconds, self._run)
-        instrument.advance(self.accelerometer, self._accel_state, seconds, self._run)
-        self.gyro_bias = instrument.slow_bias(self.gyro, self._gyro_state, warm)
-        self.accel_bias = instrument.slow_bias(self.accelerometer, self._accel_state, warm)
-        errors = self.gyro.converter(self.gyro_bias, warm)
-        rate_read = self._convert(self.gyro, errors, rate, force, gravity, self._gyro_band)
-        errors = self.accelerometer.converter(self.accel_bias, warm)
-        force_read = self._convert(self.accelerometer, errors, force, force, gravity, self._accel_band)
+        seconds = outputs // steps / self._rate
+        # Random numbers of each step: for the slow biases of gyro and accelerometer, then for the noise of both.
+        per_step = count // steps
+        draws = self._run.standard_normal((steps, 4 + 2 * per_step, 3))
+        self.gyro_bias, self.accel_bias = np.empty((steps, 3)), np.empty((steps, 3))
+        rate_read, force_read = np.empty_like(rate), np.empty_like(force)
+        for k, (triad, state, bias, x, band, read) in enumerate(
+            (
+                (self.gyro, self._gyro_state, self.gyro_bias, rate, self._gyro_band, rate_read),
+                (self.accelerometer, self._accel_state, self.accel_bias, force, self._accel_band, force_read),
+            )
+        ):
+            slow, draw = draws[:, 2 * k : 2 * k + 2], draws[:, 4 + k * per_step : 4 + (k + 1) * per_step]
+            instrument.advance(triad, state, seconds, warm, np.ascontiguousarray(slow), bias)
+            noise = (triad.noise * math.sqrt(band) * draw).reshape(x.shape)
+            instrument.convert(triad, bias, warm, x, force, gravity, noise, read)
         if self._integrated:
             rate_out, force_out = np.empty((outputs, 3)), np.empty((outputs, 3))
             instrument.strapdown(rate_read, force_read, self._ratio, 1.0 / self.grade.adc_hz, rate_out, force_out)
@@ -682,11 +698,3 @@ class MeasuringUnit:
                 at_limit = (np.abs(read) >= triad.limit - triad.step).reshape(outputs, self._ratio, 3)
                 input_covariance.mark_clipped(samples, vector, np.asarray(at_limit.any(axis=1)))
         return samples
-
-    def _convert(
-        self, triad: instrument.Triad, errors: instrument.Converter, x: Array, force: Array, gravity: float, band: float
-    ) -> Array:
-        noise = triad.noise * math.sqrt(band) * self._run.standard_normal(x.shape)
-        out = np.empty_like(x)
-        instrument.convert(errors, x, force, gravity, noise, out)
-        return out

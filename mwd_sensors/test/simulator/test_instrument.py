@@ -26,11 +26,18 @@ def read(triad, x, f=None, warm=0.0, gravity=G, noise=None):
     x = np.atleast_2d(np.asarray(x, dtype=float))
     f = np.zeros_like(x) if f is None else np.atleast_2d(np.asarray(f, dtype=float))
     state = instrument.TriadState(np.zeros(3), np.zeros(3))
-    bias = instrument.slow_bias(triad, state, warm)
-    out = np.empty_like(x)
+    warm = np.array([warm])
+    bias, out = np.empty((1, 3)), np.empty_like(x)
+    instrument.advance(triad, state, 1.0, warm, np.zeros((1, 2, 3)), bias)
     noise = np.zeros_like(x) if noise is None else noise
-    instrument.convert(triad.converter(bias, warm), x, f, gravity, noise, out)
+    instrument.convert(triad, bias, warm, x, f, np.array([gravity]), noise, out)
     return out
+
+
+def advanced(triad, state, seconds, steps, rng):
+    bias = np.empty((steps, 3))
+    instrument.advance(triad, state, seconds, np.zeros(steps), rng.standard_normal((steps, 2, 3)), bias)
+    return bias
 
 
 def test_no_error_means_no_error():
@@ -111,11 +118,8 @@ def test_the_slow_bias_has_its_steady_spread_and_forgets_in_its_time():
     triad = drawn(instability_deg_h=10.0, instability_s=100.0)
     rng = np.random.default_rng(2)
     runs = [instrument.initial(triad, rng) for _ in range(400)]
-    first = np.array([run.bias for run in runs])
-    for run in runs:
-        for _ in range(10):
-            instrument.advance(triad, run, 10.0, rng)
-    later = np.array([run.bias for run in runs])
+    first = np.array([run.markov for run in runs])
+    later = np.array([advanced(triad, run, 10.0, 10, rng)[-1] for run in runs])
     assert first.std() == pytest.approx(triad.instability, rel=0.06)
     assert later.std() == pytest.approx(triad.instability, rel=0.06)
     assert np.corrcoef(first.ravel(), later.ravel())[0, 1] == pytest.approx(math.exp(-1.0), abs=0.08)
@@ -127,9 +131,7 @@ def test_a_rate_random_walk_grows_with_the_root_of_time():
     ends = []
     for _ in range(200):
         state = instrument.initial(triad, rng)
-        for _ in range(6):
-            instrument.advance(triad, state, 600.0, rng)
-        ends.append(state.bias)
+        ends.append(advanced(triad, state, 600.0, 6, rng)[-1])
     assert np.std(ends) / DEG_H == pytest.approx(5.0, rel=0.1)
 
 

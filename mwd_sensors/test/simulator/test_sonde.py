@@ -38,8 +38,9 @@ def test_the_same_bytes_come_out_whatever_the_block_length(name):
     changes = dict(SHORT)
     if name == "faults":
         changes["faults"] = [
-            {"component": "gyro", "fault": word, "start_s": 0.5 * k, "seconds": 1.3}
+            {"component": component, "fault": word, "start_s": 0.5 * k, "seconds": 1.3}
             for k, word in enumerate(("stuck", "garbage", "delayed", "intermittent", "slow"))
+            for component in ("gyro", "accel")
         ]
         changes["link"] = {
             "loss": 0.05,

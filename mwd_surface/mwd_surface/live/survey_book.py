@@ -26,8 +26,8 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.trajectory.well_path import Definitive
 
-_BIT_STEP = 0.1  # m; the projection to the bit is shown again after the bit has moved by this
-_SHIFT = 0.05  # m; a smaller movement of the path is not mentioned
+_BIT_STEP = 0.1  # movement of the bit after which the projection to it is shown again, m
+_SHIFT = 0.05  # smallest movement of the path that is mentioned, m
 
 _AGAIN = "and put the surveys.json that it writes into the folder `surveys` of the well while the surface is stopped"
 _TIE_ON = (
@@ -54,7 +54,6 @@ class SurveyBook:
 
     Parameters
     ----------
-    context : WellContext
     plan : PlanMonitor
         The planned path.
     surveys : SurveyList

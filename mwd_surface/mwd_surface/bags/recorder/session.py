@@ -67,11 +67,8 @@ class Session:
         Writer with `in_place`, whose first file has been begun.
     folder : Path
         Folder whose disk is watched.
-    settings : RecorderSettings
-    definitions : Definitions
     event_topic : str
         Topic for events.
-    hooks : SessionHooks
 
     Attributes
     ----------

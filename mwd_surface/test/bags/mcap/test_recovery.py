@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.records import Channel, Header
 from rosbags.rosbag2 import Reader
 
 from mwd_sensors.core import wire
@@ -21,8 +23,8 @@ from mwd_surface.bags.bag_files import BagFiles
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.mcap import recovery
-from mwd_surface.bags.mcap.records import MAGIC, ChunkHead, McapChannel, Opcode
-from mwd_surface.bags.mcap.writer import channel_record, chunk_prefix, header_record, message_prefix
+from mwd_surface.bags.mcap.records import MAGIC, ChunkHead
+from mwd_surface.bags.mcap.writer import chunk_prefix, message_prefix, packed
 
 START = 1_700_000_000_000_000_000
 IMU = "sensor_msgs/msg/Imu"
@@ -279,10 +281,10 @@ def test_a_check_sees_a_flipped_bit_in_a_chunk_and_one_in_an_index(whole, tmp_pa
 
 def test_messages_whose_topic_was_lost_are_saved_under_its_number(tmp_path):
     path = tmp_path / "x.mcap"
-    body = channel_record(McapChannel(1, 0, "/a", "cdr", {}))
+    body = packed(Channel(1, "/a", "cdr", {}, schema_id=0))
     for number in (1, 2):
         body += message_prefix(number, 1, START, START, 3) + b"abc"
-    path.write_bytes(MAGIC + header_record("x") + body)
+    path.write_bytes(MAGIC + packed(Header("ros2", "x")) + body)
     report = recovery.recover_file(path, tmp_path / "y.mcap")
     assert (report.messages, report.orphans) == (2, 0)
     assert report.topics == {"/a": 1, "/lost_topic_2": 1}
