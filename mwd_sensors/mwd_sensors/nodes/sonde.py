@@ -34,7 +34,9 @@ from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
 
-_BLOCK_S = 0.1  # length of a block that is simulated at a time, s of the scenario
+# Length of a block that is simulated at a time: 0.1 s of the clock, at most 1 s of the scenario. With a rig that obeys
+# commands it is 0.1 s of the scenario, because a command acts on the next block.
+_BLOCK_S, _MOST_BLOCK_S = 0.1, 1.0
 _TIMER_PERIOD = 0.005  # time between two timer callbacks, s
 _CALL_S = 0.05  # longest time of one timer callback, s, not counting the last simulated block
 _MOST_BEHIND_S = 1.0  # longest lag that the simulation catches up, s of wall time; a longer lag is skipped

@@ -48,6 +48,7 @@ _STREAMS = (
 )
 # Streams that differ from one start of the same tool to the next: a real sensor never has the same noise twice.
 _NOISE = ("ahrs_run", "precision_run", "mag_run", "gamma")
+_STEPS = 20  # largest number of steps that are simulated together; more of them would not fit in the cache
 _TURNING = 0.5  # speed of the top drive below which the activity is sliding, rad/s
 
 

@@ -47,6 +47,7 @@ _UNIT = re.compile(r"[A-Za-z0-9/^*%.° -]{0,16}")
 # are kept for this: three days with four channels that send a sample every 10 s.
 _LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 100_000
 _SILENT_NS = 120 * NANOSECONDS  # time without a sample after which a channel has stopped, ns; a link may need a minute
+_RULES = DepthRules()
 _MOST_WAITING = 20_000  # largest number of samples that wait for a depth: half a day with four channels as above
 
 

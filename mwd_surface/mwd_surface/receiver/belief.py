@@ -69,6 +69,7 @@ class Soft:
 
     Attributes
     ----------
+    candidates : tuple of Candidate
     holds : float or None
         Probability that the parity of the word holds, computed without using the parity; None for a word without
         parity.
@@ -162,17 +163,8 @@ class Doubt:
         return trusted[::-1]
 
 
-def second_tool(size: float, sigma: float, words: list[Soft]) -> float:
-    """
-    Return the probability that a second tool sends at the same time; 0 if `sigma` is not finite.
-
-    Parameters
-    ----------
-    size, sigma : float
-        Size of the pulses of the sync relative to those of the words, and its 1 sigma.
-    words : list of Soft
-        Words after the sync: parities that hold are evidence for a single tool.
-    """
+def _sync_evidence(size: float, sigma: float) -> float:
+    """Return the log likelihood ratio of a second tool by the size of a sync; arguments as in `Doubt.hear_sync`."""
     if not math.isfinite(sigma):
         return 0.0
     spread = math.sqrt(2.0 * (sigma**2 + _SIZE_CHANGES**2))

@@ -32,7 +32,7 @@ def test_a_recording_that_cannot_start_is_named_with_its_own_remedy(tmp_path):
     assert shown.level != 0
     assert "not recording" in shown.message
     assert "free space on the disk" in shown.remedy
-    assert [alarm.id for alarm in book.alarms()] == ["recording.start"]
+    assert [alarm.id for alarm in log.alarms()] == ["recording.start"]
     full.close()
 
 

@@ -29,7 +29,6 @@ class OpcuaSettings:
         "",
         "Folder with the server's certificate own.der and key own.pem, and the folder trusted of client certificates. "
         "Empty: a folder next to the surveys.",
-        fixed=True,
     )
     max_clients: int = setting(
         16, "Largest number of connections at a time. Further connections are refused.", low=1, high=500
