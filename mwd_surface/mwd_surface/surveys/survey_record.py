@@ -36,6 +36,10 @@ class Value(enum.IntEnum):
     REVISED = 1
     FIRST = 2
 
+    @classmethod
+    def _missing_(cls, value: object) -> None:
+        raise ValueError(f"value: must be 0 (definitive), 1 (revised) or 2 (first), got {value}")
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SurveyDecisionRecord(MessageRecord):

@@ -168,6 +168,16 @@ def test_the_alarm_of_a_refused_survey_ends_with_the_next_survey_that_the_list_t
     assert "survey.refused" not in server.log.standing
 
 
+@pytest.mark.fault_case(86)
+def test_a_decision_with_an_unknown_kind_of_value_is_refused_by_the_name_of_the_field(server):
+    server.server.on_survey(example.survey(1, 10.0, 40.0))
+    before = server.server.surveys
+    answer = decide(server.server.accept, value=77)
+    assert not answer.success
+    assert answer.message.startswith("value: ")
+    assert server.server.surveys is before
+
+
 @pytest.mark.parametrize("end", ["accepted", "rejected", "revised", "next survey"])
 @pytest.mark.parametrize("verdict", [Verdict.DOUBTFUL, Verdict.REJECT])
 def test_the_alarm_of_a_doubtful_azimuth_ends_with_the_doubt(server, verdict, end):
