@@ -63,10 +63,7 @@ from mwd_sensors.ros.time_stamps import stamp
 
 # Topics of the other streams, whose samples are processed together with those of the conventional unit.
 _BESIDE = ("imu/mag", "gyro/data_raw", "imu/temperature")
-_BLOCK_PERIOD = 0.002  # s; time for which samples wait before they are processed together
-# Samples wait longer where blocks would take more than this share of a processor: a block of one sample costs nearly as
-# much as a block of fifty. With 0.8 ms for a block, the longest wait is 4 ms.
-_BLOCK_SHARE = 0.2
+_BLOCK_PERIOD = 0.002  # s; longest time for which samples wait before they are processed together
 _INNOVATIONS_PERIOD = 1.0  # s; interval between messages of innovations and of used samples
 _SILENCE_PERIOD = 1.0  # s; interval between checks whether the samples have stopped
 _FIELD = ("total", "dip", "declination", "convergence", "gravity", "source")
@@ -97,7 +94,6 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._last_tf_ns = 0
         self._last_published_ns = -MIN_SPACING_NS
         self._last_status, self._has_azimuth = 0, False
-        self._next_block = 0.0  # monotonic time before which samples wait, s
         self._times_set_back = 0
         self._samples_are = ""
         self._attitude = self.add_publisher(Attitude, "attitude", qos.DEADLINE_STREAM)
@@ -171,9 +167,6 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def _estimate_block(self) -> None:
         """Process all waiting samples as one block; the results do not depend on the length of the block."""
-        began = time.monotonic()
-        if began < self._next_block:
-            return
         # Take IMU samples first and push them last: the other samples of the same time were sent before them.
         inputs, pipeline = self._inputs, self._pipeline
         taken = {"imu/data_raw": inputs.take("imu/data_raw")}
@@ -197,8 +190,6 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             imu = pipeline.gate.imu(imu)
             output = pipeline.push_imu(imu)
             self._publish(imu, output, self._logs.take(output, self._frame))
-        ended = time.monotonic()
-        self._next_block = ended + (ended - began) * (1.0 / _BLOCK_SHARE - 1.0)
 
     @property
     def _frame(self) -> str:
