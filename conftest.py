@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run the tests of all packages with the same input each time, one thread each, the longest files first."""
+"""Settings of pytest for all packages: equal input in each run, one thread for each worker, the longest files first."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("gate", deadline=None, derandomize=True)
-# `make fuzz`: other input each time, and much more of it.
+# `make fuzz`: random input in each run, and many more examples.
 settings.register_profile(
     "fuzz",
     deadline=None,
@@ -42,13 +42,13 @@ def pytest_collection() -> None:
     """
     Switch the garbage collector off while tests are collected.
 
-    It would take a third of the time to search objects that stay in memory anyway.
+    Otherwise a third of the time would be spent on a search among objects that stay in memory.
     """
     gc.disable()
 
 
 def pytest_collection_finish() -> None:
-    """Leave the collected modules out of the garbage collector, which runs again for the tests."""
+    """Exclude the collected modules from garbage collection, and switch the garbage collector on again."""
     gc.freeze()
     gc.set_threshold(21_000)
     gc.enable()
@@ -59,14 +59,14 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:
-    """Allow a second run where real time decides."""
+    """Allow a second run of a test whose result depends on real time."""
     if item.get_closest_marker("ros") or "browser" in getattr(item, "fixturenames", ()):
         item.add_marker(pytest.mark.flaky(reruns=1))
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_fixture_setup(fixturedef: pytest.FixtureDef[Any], request: pytest.FixtureRequest) -> None:
-    """Note the graphs that the tests of a module share."""
+    """Store the fixtures of module scope, which hold the graphs that the tests of a module share."""
     if fixturedef.scope == "module":
         _shared[fixturedef] = request
 
@@ -76,7 +76,7 @@ _shared: dict[pytest.FixtureDef[Any], pytest.FixtureRequest] = {}
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """End the shared graphs before a second run, which would else read what the first run left there."""
+    """End the shared graphs before a second run, so that the second run does not read results of the first."""
     report = yield
     if report.when == "call" and report.failed and item.get_closest_marker("flaky") and item.execution_count == 1:
         for fixture, request in _shared.items():
@@ -90,7 +90,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Order the files where workers share them."""
+    """Order the test files if several workers share them."""
     if hasattr(config, "workerinput"):
         files = [list(tests) for _, tests in itertools.groupby(items, lambda item: item.nodeid.partition("::")[0])]
         waiting = [file for file in files if any(item.get_closest_marker("ros") for item in file)]
@@ -108,6 +108,6 @@ def _with_place(files: list[list[pytest.Item]]) -> Iterator[tuple[float, list[py
 
 
 def _seconds(file: list[pytest.Item]) -> float:
-    """Return the time of a file: a test marked `slow(20)` takes twenty, one marked `slow` a second."""
+    """Return the time of a file, s: 20 for a test marked `slow(20)`, 1 for `slow`, 0.03 for any other test."""
     markers = [item.get_closest_marker("slow") for item in file]
     return sum(0.03 if one is None else float(one.args[0]) if one.args else 1.0 for one in markers)

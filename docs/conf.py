@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The documentation site: Sphinx with MyST and the PyData theme, as other scientific Python projects build theirs."""
+"""Configuration of the documentation site: Sphinx with MyST and the PyData theme."""
 
 import sys
 from importlib import metadata
@@ -30,5 +30,5 @@ html_title = project
 
 
 def setup(app):
-    """Write the generated pages before the site reads its sources."""
+    """Write the generated pages before Sphinx reads the sources."""
     app.connect("builder-inited", lambda _app: generate.write_all(HERE))

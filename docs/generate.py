@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Pages of the site that are made from the code, so that they cannot be out of date.
+Generate pages of the site from the code, so that they are always up to date.
 
 Messages and services come from their definitions in `mwd_msgs`, parameters from the settings of the nodes, the API from
 the packages, examples from notebooks that are run, and the two pictures from the lists below.
@@ -22,7 +22,7 @@ BANNER = "<!-- Made by docs/generate.py; edit what it is made from. -->\n\n"
 
 
 def interfaces() -> str:
-    """One section for each message, service and action: its definition with the comments that stand there."""
+    """Return a page with the definition file of each message, service and action."""
     parts = [BANNER, "# Messages, services and actions\n\n", "Topics, QoS and rates: {doc}`topics`.\n"]
     for folder, title in (("msg", "Messages"), ("srv", "Services"), ("action", "Actions")):
         parts.append(f"\n## {title}\n")
@@ -32,13 +32,13 @@ def interfaces() -> str:
 
 
 def topics() -> str:
-    """The contract on the wire, from the README of the message package."""
+    """Return the page of topics, QoS and rates: the README of the message package."""
     text = (ROOT / "mwd_msgs" / "README.md").read_text()
     return BANNER + text.replace("](../docs/reference/", "](").replace("](../docs/", "](../")
 
 
 def parameters() -> str:
-    """Every parameter of every node."""
+    """Return the page with all parameters of all nodes."""
     path = ROOT / ".ci" / "config"
     loader = SourceFileLoader("ci_config", str(path))
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader("ci_config", loader))
@@ -47,7 +47,7 @@ def parameters() -> str:
 
 
 def fault_cases() -> str:
-    """The table of fault cases with the tests that hold them."""
+    """Return the table of fault cases, with the tests that cover each case."""
     loader = SourceFileLoader("fault_cases", str(ROOT / "tests" / "fault_cases.py"))
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader("fault_cases", loader))
     sys.modules["fault_cases"] = module
@@ -73,7 +73,7 @@ def supervision() -> str:
 
 
 def signals() -> str:
-    """Every signal, and where it appears."""
+    """Return the table of all signals, with the page, protocols and files in which each appears."""
     from mwd_surface.signals.signal import SOURCES
     from mwd_surface.signals.table import SIGNALS
     from mwd_surface.signals.units import UNITS
@@ -114,7 +114,7 @@ def signals() -> str:
 
 
 def survey_columns() -> str:
-    """Columns of the tables of surveys, with units."""
+    """Return the columns of the survey tables, with units."""
     from mwd_surface.signals.table import SURVEY_TABLE
     from mwd_surface.surveys.survey_csv import OF_TABLES
 
@@ -139,7 +139,7 @@ def survey_columns() -> str:
 
 
 def api() -> dict[str, str]:
-    """A page for each room of each package, by name."""
+    """Return the API pages by name: one page for each subpackage."""
     pages, rooms = {}, {}
     for package in PACKAGES:
         base = ROOT / package / package
@@ -157,7 +157,7 @@ def api() -> dict[str, str]:
 
 
 def notebook(path: Path, images: Path) -> str:
-    """A notebook as a page: its cells are run in order, their figures are kept as pictures."""
+    """Return a notebook as a page: run its cells in order, and save the figures as pictures."""
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -247,7 +247,7 @@ def picture(what: dict[str, object], path: Path) -> None:
     for name, (x, y, text) in what["boxes"].items():
         style = {"boxstyle": "round,pad=0.45", "facecolor": "#eef4fb", "edgecolor": "#2b5c8a"}
         boxes[name] = axes.text(x + width / 2, y + 0.4, text, ha="center", va="center", fontsize=10, bbox=style)
-    figure.canvas.draw()  # boxes have their sizes from here on
+    figure.canvas.draw()  # computes the sizes of the boxes
     for start, end, label in what["arrows"]:
         (x0, y0), (x1, y1) = boxes[start].get_position(), boxes[end].get_position()
         arrow = {"arrowstyle": "-|>", "color": "#555", "shrinkA": 3, "shrinkB": 3}
@@ -260,7 +260,7 @@ def picture(what: dict[str, object], path: Path) -> None:
 
 
 def write(path: Path, text: str) -> None:
-    """Write a page if it differs, so that an unchanged one is not built again."""
+    """Write a page if its content has changed, so that Sphinx does not build an unchanged page again."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if not path.exists() or path.read_text() != text:
         path.write_text(text)

@@ -2,8 +2,8 @@
 """
 Take the pictures of the live page: play the demonstration, wait for each scene, photograph it in a browser.
 
-`python docs/pictures.py` writes those that README and docs use into docs/images; `--all FOLDER` every scene in every
-size. It needs Chromium and chromedriver (apt install chromium chromium-driver) and the packages of the tests.
+`python docs/pictures.py` writes the pictures of README and docs to docs/images; with `--all FOLDER`, every scene in
+every size. It needs Chromium and chromedriver (apt install chromium chromium-driver) and the packages of the tests.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ IMAGES = Path(__file__).parent / "images"
 DEMO = Path(__file__).parents[1] / "bags" / "scenarios" / "demo.yaml"
 SIZES = ((1920, 1080), (1280, 800), (1024, 768), (390, 844), (844, 390))
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run")
-# Pictures of README and docs: file, scene, size, whether the dial alone.
+# Pictures of README and docs: file, scene, size, and whether only the dial is shown.
 USED = (
     ("page.png", "sliding", (1280, 800), False),
     ("page_dial.png", "sliding", (1280, 800), True),
@@ -46,7 +46,7 @@ COLOURS = 128
 _LONGEST_S = 600.0
 
 Sections = dict[str, Any]
-_SLIDES_S = 5.0  # a slide is under way for so long before it is photographed
+_SLIDES_S = 5.0  # time from the start of a slide to its picture, s
 
 
 def _surveyed(s: Sections) -> bool:
@@ -74,7 +74,7 @@ def _last_survey(s: Sections) -> bool:
     return "still" in s["attitude"]["status"] and _surveyed(s)
 
 
-# Scenes in the order of the run: name, when, and which process is sent which signal before.
+# Scenes in the order of the run: name, condition for the picture, and (process, signal) sent before the picture.
 SCENES: tuple[tuple[str, Callable[[Sections], bool], tuple[str, int] | None], ...] = (
     ("survey", _surveyed, None),
     ("drilling", _rotating, None),
@@ -86,7 +86,7 @@ SCENES: tuple[tuple[str, Callable[[Sections], bool], tuple[str, int] | None], ..
 
 
 def sections(address: str) -> Sections | None:
-    """Return what the page shows; None while it does not answer."""
+    """Return the sections of the page's state; None while the page does not answer."""
     try:
         with urllib.request.urlopen(f"{address}state.json", timeout=2.0) as answer:  # noqa: S310
             return dict(json.load(answer)["sections"])
@@ -95,7 +95,7 @@ def sections(address: str) -> Sections | None:
 
 
 def node_process(parent: int, name: str) -> int:
-    """Process id of a node that `mwd run` has started."""
+    """Return the process id of a node that `mwd run` has started."""
     for entry in Path("/proc").glob("[0-9]*"):
         try:
             is_child = f"\nPPid:\t{parent}\n" in (entry / "status").read_text()
@@ -125,7 +125,7 @@ class Camera:
         width, height = size
         metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self._driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        # The attribute that the button and `?view=toolface` set; a new address would reload the page.
+        # Set the attribute that the button sets, because an address with `?view=toolface` would reload the page.
         self._driver.execute_script("document.body.dataset.view = arguments[0]", "toolface" if dial else "all")
         self._driver.execute_script("document.getElementById('select-surveys')?.click()")
         self._driver.execute_script("document.activeElement.blur(); window.scrollTo(0, 0)")
@@ -138,7 +138,7 @@ class Camera:
 
 
 def save(image: Image.Image, file: Path) -> None:
-    """Write a picture with few colours: the page has few, and the file is a quarter."""
+    """Write a picture with 128 colours, which suffice for the page; the file is a quarter as large."""
     image.quantize(COLOURS, method=Image.Quantize.FASTOCTREE).save(file, optimize=True)
     print(f"{file} ({file.stat().st_size // 1024} kB)", flush=True)
 
@@ -147,9 +147,9 @@ def shoot(
     run: subprocess.Popen[bytes], address: str, camera: Camera, wanted: dict[str, list[Any]], *, harm: bool
 ) -> list[Image.Image]:
     """
-    Photograph the scenes as they come, and a film of all.
+    Photograph the scenes in turn; return the frames of a film of the whole run.
 
-    wanted: from scene to (file, size, dial). harm: send the signals of the scenes.
+    wanted: pictures of each scene: (file, size, dial). harm: whether to send the signals of `SCENES` to the processes.
     """
     film: list[Image.Image] = []
     left, filmed, since, end = (
@@ -202,7 +202,7 @@ def main() -> int:
         port = free.getsockname()[1]
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         words = [sys.executable, "-m", "mwd_surface.cli", "run", str(DEMO), "--port", str(port), "-o", f"{folder}/run"]
-        # Every scene in every size takes its time: at half the pace each lasts long enough.
+        # Pictures in all sizes take long: at half the rate each scene lasts long enough.
         pace = "1" if asked.all is None else "0.5"
         run, address = subprocess.Popen([*words, "--no-rig", "--rate", pace]), f"http://127.0.0.1:{port}/"
         try:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Run the commands of the README one after the other and write what each took into docs/tour.md.
+Run the commands of the README one after the other, and write their durations to docs/tour.md.
 
-`make tour`; a quarter of an hour. A command that must be ended by hand (`mwd view`) is left out.
+`make tour` takes a quarter of an hour. A command that must be ended by hand (`mwd view`) is left out.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "docs" / "tour.md"
 HEADINGS = ("A first tour", "Your own data")
 ENDED_BY_HAND = ("mwd view",)
-# What the reader puts in place of a word.
+# Placeholder in the README -> the reader's own file.
 OWN = {"YOUR_BAG": "out/first"}
 HEAD = """# The tour, timed
 
@@ -31,7 +31,7 @@ short commands mainly take the time to start Python. `mwd compare` ends with sta
 
 
 def commands() -> list[str]:
-    """Commands of the README's tour, without their remarks."""
+    """Return the commands in the README's tour, without comments."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     found = []
     for heading in HEADINGS:
@@ -41,7 +41,7 @@ def commands() -> list[str]:
 
 
 def run(command: str, folder: Path, environment: dict[str, str]) -> tuple[float, int]:
-    """Seconds and status of a command; what it says goes to the log of the folder."""
+    """Run a command; return its duration, s, and exit status. Its output is appended to log.txt in the folder."""
     for word, own in OWN.items():
         command = command.replace(word, own)
     with (folder / "log.txt").open("a", encoding="utf-8") as log:
@@ -52,7 +52,7 @@ def run(command: str, folder: Path, environment: dict[str, str]) -> tuple[float,
 
 
 def main() -> int:
-    """Run all and write the table; status 1 where a command failed."""
+    """Run all commands and write the table; return 1 if a command failed, else 0."""
     rows, failed = [], False
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)

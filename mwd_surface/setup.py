@@ -40,6 +40,7 @@ setup(
         "typer>=0.12.4",
         "rich",
         "aiohttp",
+        "mcap",
         "rosbags",
         "zstandard",
         "lz4",

@@ -20,13 +20,14 @@ import openpyxl
 import pyarrow as pa
 import pyarrow.parquet as pq
 import zstandard
+from mcap.records import Channel, Header
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from mwd_surface.bags.mcap.records import MAGIC, ChunkHead, McapChannel
-from mwd_surface.bags.mcap.writer import channel_record, chunk_prefix, header_record, packed_record
+from mwd_surface.bags.mcap.records import MAGIC, RECORD_HEAD, ChunkHead
+from mwd_surface.bags.mcap.writer import chunk_prefix
 
 GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
 MANY = 64 * 2**20
@@ -64,11 +65,11 @@ def deep(path: Path) -> None:
 
 def _chunks(path: Path, count: int) -> None:
     """MCAP of chunks that unpack to 64 MiB each."""
-    plain = packed_record(0x80, bytes(MANY - 9))
+    plain = RECORD_HEAD.pack(0x80, MANY - 9) + bytes(MANY - 9)
     packed = zstandard.ZstdCompressor(level=1).compress(plain)
     chunk = chunk_prefix(ChunkHead(1, 2, len(plain), 0, "zstd", len(packed), 0)) + packed
-    channel = channel_record(McapChannel(1, 0, "/a", "cdr", {}))
-    path.write_bytes(MAGIC + header_record("x") + channel + chunk * count)
+    channel = packed(Channel(1, "/a", "cdr", {}, schema_id=0))
+    path.write_bytes(MAGIC + packed(Header("ros2", "x")) + channel + chunk * count)
 
 
 def mcap_of_zeros(path: Path) -> None:
@@ -78,10 +79,10 @@ def mcap_of_zeros(path: Path) -> None:
 
 def mcap_of_records(path: Path) -> None:
     """MCAP whose one chunk holds seven million records of no bytes."""
-    plain = packed_record(0x80, b"") * (MANY // 9)
+    plain = RECORD_HEAD.pack(0x80, 0) * (MANY // 9)
     packed = zstandard.ZstdCompressor(level=1).compress(plain)
     chunk = chunk_prefix(ChunkHead(1, 2, len(plain), 0, "zstd", len(packed), 0)) + packed
-    path.write_bytes(MAGIC + header_record("x") + chunk)
+    path.write_bytes(MAGIC + packed(Header("ros2", "x")) + chunk)
 
 
 def packed_file(path: Path) -> None:

@@ -17,7 +17,7 @@ from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core import wire
 from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule
-from mwd_surface.live.alarms import AlarmBook, Severity
+from mwd_surface.live.alarms import AlarmLog, Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import AlarmState, DiagnosticLevel, NodeDiagnostic, ReferenceFieldState
@@ -61,7 +61,8 @@ class Rig:
 
     def __init__(self, token=TOKEN, settings=PATIENT):
         self.state, self.tables = LiveState(settings), StateJson()
-        self.book, self.calls = AlarmBook(), []
+        self.alarm_log, self.calls = AlarmLog(lambda: time.time_ns() - self.alarm_age_ns), []
+        self.alarm_age_ns = 0
         well = Well(name="Nordlys 7 H", depth_datum="RKB", north_reference="grid", section_azimuth_deg=60.0)
         self.list = SurveyList(well=well, legs=(Leg(tie_on=TieOn.given(0.0, 0.0, 0.0)),))
         self.server = PageServer(PageSettings(port=0), self.command, token=token)
@@ -72,7 +73,7 @@ class Rig:
             self.list = self.list.accept(arguments["sequence"], arguments["operator_name"], arguments["reason"], 9)
             self.publish()
         if name == "acknowledge_alarm":
-            answer = self.book.acknowledge(arguments["id"], arguments["operator_name"], 9)
+            answer = self.alarm_log.acknowledge(arguments["id"], arguments["operator_name"])
             self.publish()
             return answer
         return True, f"{name} done"
@@ -83,9 +84,9 @@ class Rig:
             odd |= {"verdict_azimuth": int(Verdict.DOUBTFUL), "headline": "External field: use a gyro"}
             odd |= {"alternatives": (1.0,), "alternative_odds": (0.04,)}
             self.list = self.list.add(survey(k, **(odd if k == 4 else {})), 300.0 * k, 1.0, comment=EVIL)
-        self.book.raise_alarm(
-            "mag.field", Severity.WARNING, f"total field is off {EVIL}", "check", time.time_ns() - 75 * 10**9
-        )
+        self.alarm_age_ns = 75 * 10**9
+        self.alarm_log.raise_alarm("mag.field", Severity.WARNING, f"total field is off {EVIL}", "check")
+        self.alarm_age_ns = 0
         self.live()
         self.publish()
 
@@ -98,7 +99,8 @@ class Rig:
         plan = plan_of([0.0, 600.0, 1800.0], [0.0, 0.3, 1.0], [1.0, 1.0, 1.0], name="C")
         self.state.show(now, plan=plan)
         self.state.show(now, clearance=(near("A-3", 9.0), near(EVIL, 40.0)))
-        self.state.show(now, alarms=AlarmState(self.book.alarms(), (), time.time() - now), events=self.book.events())
+        alarms = AlarmState(self.alarm_log.alarms(), (), time.time() - now)
+        self.state.show(now, alarms=alarms, events=self.alarm_log.events())
         self.state.show(now, diagnostics=(NodeDiagnostic(EVIL, DiagnosticLevel.WARNING, "slow", "look"),))
         self.push(**server)
 
@@ -158,11 +160,15 @@ def rig_on(browser, size=(1024, 768), path="", **options):
         rig.server.stop()
 
 
-def show(browser, rig, size=(1024, 768), path=""):
+def resize(browser, size):
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",
         {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False},
     )
+
+
+def show(browser, rig, size=(1024, 768), path=""):
+    resize(browser, size)
     browser.get(rig.server.address + path)
     wait(browser, lambda: text(browser, "#well-name") == "Nordlys 7 H")
 

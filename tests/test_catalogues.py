@@ -121,3 +121,14 @@ def test_the_help_of_every_command_is_among_the_texts(words):
     assert "Recordings" in texts
     assert "Compute the path of a survey list by minimum curvature, with its position uncertainty." in texts
     assert not any(text.startswith("mwd ") for text in texts), "an example of a command is not translated"
+
+
+def test_every_module_that_raises_an_alarm_or_logs_an_event_is_a_source_of_the_page(words):
+    sources = {path for pattern in words.PYTHON for path in ROOT.glob(pattern)}
+    raising = {
+        path
+        for path in ROOT.glob("mwd_*/mwd_*/**/*.py")
+        if re.search(r"\b(raise_alarm|log_event)\(", path.read_text(encoding="utf-8"))
+    }
+    assert raising
+    assert raising <= sources

@@ -17,7 +17,7 @@ from mwd_sensors.core import settings as settings_tables
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.live_well import CELL_NS, LiveWell, live_settings
 from mwd_surface.live.plan_monitor import PlanMonitor
@@ -101,7 +101,7 @@ def live_states(bag, surface, moments):
     clock = WellClock(bag.start_ns - 1)
     outlet = WellOutlet()
     outlet.is_simulated = lambda: f"{WELL}truth" in bag.topics
-    context = WellContext(clock, LiveState(live_settings(surface)), AlarmLog(clock), outlet)
+    context = WellContext(clock, LiveState(live_settings(surface)), AlarmLog(lambda: clock.now_ns), outlet)
     plan = PlanMonitor(context)
     begun = arranged(SurveyList(well=surface.well, rules=surface.rules), surface.leg)
     book = SurveyBook(context, plan, begun, surface.depth)

@@ -20,7 +20,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.ros.messages import make
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.live_well import LiveWell, live_settings
 from mwd_surface.live.plan_monitor import PlanMonitor
@@ -70,7 +70,7 @@ class Surface:
         )
         worker, clock = Worker(), WellClock(BEGIN)
         outlet = NodeOutlet(node, worker, folder / "slides.jsonl")
-        log = outlet.alarm_log = AlarmLog(clock)
+        log = outlet.alarm_log = AlarmLog(lambda: clock.now_ns)
         node.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=clock.now_ns))
         context = WellContext(clock, LiveState(live_settings(SETTINGS)), log, outlet)
         plan = PlanMonitor(context)
@@ -147,7 +147,7 @@ DONE = {
     100: lambda surface: with_leg(surface, name="ST1", kick_off_depth=1010.0),
     130: lambda surface: judged(surface, "accept", 1),
     160: lambda surface: with_leg(surface, name="ST2", kick_off_depth=990.0, parent="main"),
-    200: lambda surface: surface.surveys._alarm_log.book.acknowledge("", "Ann", BEGIN + 200 * S),
+    200: lambda surface: surface.surveys._alarm_log.acknowledge("", "Ann"),
     215: lambda surface: with_leg(surface, name="main"),
 }
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start estimator and surface of one well, and what measures: the simulated sonde, a probe, or the driver of others."""
+"""
+Start estimator and surface of one well, and a source of samples: simulated sonde, probe, or another driver's topics.
+"""
 
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, SetEnvironmentVariable
 from launch.conditions import IfCondition
@@ -9,10 +11,11 @@ from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
 
-# Room in Fast DDS for streams at a kilohertz; a profile of one's own comes first, other middleware reads none.
+# Profile of Fast DDS with buffers for streams at 1 kHz. A profile that the user has set has precedence; other
+# middleware ignores the variable.
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 NODES = {"surface": "mwd_surface", "estimator": "mwd_estimation", "sonde": "mwd_sensors", "probe": "mwd_sensors"}
-# Which node a source of samples needs; topics: none, a driver publishes them.
+# Node that each source of samples needs; "topics" needs none, because a driver publishes the topics.
 SOURCES = {"simulated": "sonde", "probe": "probe", "topics": ""}
 # Arguments that name the topics of a driver, and the topics that they stand for.
 TOPICS = {"imu": "imu/data_raw", "mag": "imu/mag", "gyro": "gyro/data_raw", "temperature": "imu/temperature"}
@@ -27,7 +30,8 @@ def generate_launch_description() -> LaunchDescription:
     """
     config = [FindPackageShare("mwd_surface"), "config"]
     ours = PathJoinSubstitution([*config, "fastdds.xml"])
-    # A file has a section a node; the surface's own defaults, which it reads anyway, say nothing to the others.
+    # A parameter file has one section for each node. The default file contains only the defaults of the surface node,
+    # so it changes nothing.
     nothing_more = PathJoinSubstitution([*config, "surface.yaml"])
     actions = [
         SetEnvironmentVariable(PROFILES, EnvironmentVariable(PROFILES, default_value=[ours])),
@@ -36,7 +40,7 @@ def generate_launch_description() -> LaunchDescription:
             "source",
             default_value="simulated",
             choices=list(SOURCES),
-            description="What measures: the simulated sonde, a probe on a serial line, or topics of another driver",
+            description="Source of the samples: simulated sonde, probe on a serial line, or topics of another driver",
         ),
         DeclareLaunchArgument("namespace", default_value="", description="Name of the well; empty: none"),
         DeclareLaunchArgument("use_sim_time", default_value="false", description="Take the time from /clock"),
@@ -48,7 +52,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(argument, default_value=topic, description=description),
             SetRemap(topic, LaunchConfiguration(argument)),
         ]
-    # All arguments before the first file: what is set for an included file stays set after it.
+    # Declare all arguments before the first included file, because values set for an included file stay set after it.
     actions += [
         DeclareLaunchArgument(
             f"{node}_params_file",
@@ -69,7 +73,7 @@ def generate_launch_description() -> LaunchDescription:
                     "use_sim_time": LaunchConfiguration("use_sim_time"),
                     "autostart": LaunchConfiguration("autostart"),
                     "params_file": LaunchConfiguration(f"{node}_params_file"),
-                    # The first time the estimator compiles its filters for a minute or two.
+                    # At the first start the estimator compiles its filters, which takes one or two minutes.
                     **({"wait_for_node": "estimator"} if node == "sonde" else {}),
                 }.items(),
                 condition=IfCondition(wanted),

@@ -172,7 +172,7 @@ def main() -> None:
     """
     # Sourcing a ROS environment would set this variable; the packages of this Python are found without an environment.
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
-    # Nodes find each other on this machine alone, and files are not for other users, unless set otherwise.
+    # By default nodes find only nodes on this machine, and users outside the group cannot read the files.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     use_one_thread()
     os.umask(os.umask(0o077) | 0o027)
@@ -181,7 +181,7 @@ def main() -> None:
     try:
         _run()
     except BrokenPipeError:
-        # Whoever read our output has enough; keep Python from complaining on exit.
+        # The reader of the pipe has closed it: redirect the output, so that Python reports no error on exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except (ValueError, OSError) as error:

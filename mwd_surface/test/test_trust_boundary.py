@@ -28,12 +28,10 @@ from mwd_surface.commands.terminal import PrintableStream, facts, output, remark
 from mwd_surface.control.lease_numbers import LeaseNumbers
 from mwd_surface.downlink.memory import Memory
 from mwd_surface.list_files.list_error import ListFileError
-from mwd_surface.live.alarm_log import AlarmLog
-from mwd_surface.live.alarms import Severity
+from mwd_surface.live.alarms import AlarmLog, Severity
 from mwd_surface.live.clearance_monitor import _compare
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.settings import PlanSettings
-from mwd_surface.live.well_clock import WellClock
 from mwd_surface.page import access
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_store import SurveyStore
@@ -241,13 +239,13 @@ def test_no_word_of_a_file_that_a_node_cannot_use_leaves_it(reader, tmp_path, ca
 @given(st.text(), st.text(), st.text())
 def test_no_control_character_reaches_alarms_events_or_the_log_of_a_node(text, remedy, source):
     told = []
-    log = AlarmLog(WellClock(), lambda words, _severity: told.append(words), lambda: 1)
+    log = AlarmLog(lambda: 1, lambda words, _severity: told.append(words))
     log.raise_alarm("a", Severity.WARNING, text, remedy)
     log.set_alarms("b.", {"b.1": (1, text, remedy)})
     log.log_event(source, text)
-    log.book.acknowledge("a", f"x{source}", 2)
-    words = [*told, *(w for a in log.book.alarms() for w in (a.text, a.remedy, a.acknowledged_by))]
-    words += [w for event in log.book.events() for w in (event.text, event.source)]
+    log.acknowledge("a", f"x{source}")
+    words = [*told, *(w for a in log.alarms() for w in (a.text, a.remedy, a.acknowledged_by))]
+    words += [w for event in log.events() for w in (event.text, event.source)]
     assert all(word == printable(word) for word in words)
 
 

@@ -76,9 +76,11 @@ class Result:
     """
     What a chain did.
 
-    cores: used by each process. samples, attitudes: received a second. missing: of samples and attitudes, in per cent
-    of those between the first and the last. latency_ms: median, 99th percentile. recorded: of each stream, messages
-    and how many are missing between them.
+    cores: used by each process.
+    samples, attitudes: received a second.
+    missing: of samples and attitudes, in per cent of those between the first and the last.
+    latency_ms: median, 99th percentile.
+    recorded: of each stream, messages and how many are missing between them.
     """
 
     cores: dict[str, float]

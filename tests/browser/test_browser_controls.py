@@ -158,8 +158,9 @@ def test_a_person_without_a_name_is_asked_for_it(browser):
 def test_the_worst_alarm_stands_above_all_with_text_remedy_and_age_and_opens_the_list(browser):
     with rig_on(browser) as rig:
         wait(browser, lambda: "for 7" in text(browser, "#alarm"))
-        raised = time.time_ns() - 12 * 10**9
-        rig.book.raise_alarm("input.attitude", Severity.CRITICAL, "no attitude", "is the estimator alive?", raised)
+        rig.alarm_age_ns = 12 * 10**9
+        rig.alarm_log.raise_alarm("input.attitude", Severity.CRITICAL, "no attitude", "is the estimator alive?")
+        rig.alarm_age_ns = 0
         rig.publish()
         wait(browser, lambda: "CRITICAL: no attitude" in text(browser, "#alarm"))
         assert "is the estimator alive?" in text(browser, "#alarm")
@@ -167,13 +168,13 @@ def test_the_worst_alarm_stands_above_all_with_text_remedy_and_age_and_opens_the
         assert "+ 1 more" in text(browser, "#alarm")
         click(browser, "#alarm")
         assert browser.find_element(By.ID, "tab-alarms").is_displayed()
-        rig.book.acknowledge("input.attitude", "A. Berg", time.time_ns())
+        rig.alarm_log.acknowledge("input.attitude", "A. Berg")
         rig.publish()
         # An alarm that nobody has seen comes before one that somebody has.
         wait(browser, lambda: "WARNING: total field is off" in text(browser, "#alarm"))
-        for alarm in rig.book.alarms():
-            rig.book.acknowledge(alarm.id, "A. Berg", time.time_ns())
-            rig.book.clear(alarm.id, time.time_ns())
+        for alarm in rig.alarm_log.alarms():
+            rig.alarm_log.acknowledge(alarm.id, "A. Berg")
+            rig.alarm_log.clear_alarm(alarm.id)
         rig.publish()
         wait(browser, lambda: text(browser, "#alarm") == "✓ No alarms")
 

@@ -74,7 +74,7 @@ def test_nothing_moves_when_alarms_surveys_faults_and_silence_come_and_go(browse
         wait(browser, lambda: state_of(browser, "attitude.inclination") in ("live", "stale"))
         before = layout()
         rig.state.show(time.monotonic(), survey_progress=SurveyProgress(True, "averaging", 7.0, 9.0, waits_for="gyro"))
-        rig.book.raise_alarm("a", Severity.CRITICAL, 9 * "a long text of an alarm ", 9 * "do this ", 10**18)
+        rig.alarm_log.raise_alarm("a", Severity.CRITICAL, 9 * "a long text of an alarm ", 9 * "do this ")
         rig.publish()
         wait(browser, shows_disturbance)
         assert layout() == before, "trouble"
@@ -166,7 +166,7 @@ def test_the_browser_has_nothing_to_complain_about(browser):
 @pytest.mark.parametrize("size", SIZES)
 def test_whether_it_is_recorded_and_what_the_alarm_is_stay_in_view_beside_trouble(browser, size):
     with rig_on(browser, size) as rig:
-        rig.book.raise_alarm("mag", Severity.CRITICAL, "magnetometer no longer sends samples", "plug", time.time_ns())
+        rig.alarm_log.raise_alarm("mag", Severity.CRITICAL, "magnetometer no longer sends samples", "plug")
         rig.publish()
         rig.live(status=int(Status.SENSOR_FAULT | Status.NO_MAG | Status.ROTATING))
         wait(browser, lambda: "no magnetometer" in text(browser, "#pills"))
@@ -218,7 +218,7 @@ def test_alarms_troubles_and_what_a_survey_waits_for_are_read_to_their_ends(brow
         wait(browser, shown)
         for number, row in enumerate(one for one in TABLE if one.severity == Severity.CRITICAL):
             what = row.what.format(limit=row.limit, value=12.0)
-            rig.book.raise_alarm(f"a{number}", Severity.CRITICAL, what, row.remedy, time.time_ns() + number)
+            rig.alarm_log.raise_alarm(f"a{number}", Severity.CRITICAL, what, row.remedy)
             rig.publish()
             wait(browser, lambda what=what: what in text(browser, ".alarm-what"))
             assert browser.execute_script(CUT, words) == []

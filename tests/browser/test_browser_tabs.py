@@ -34,7 +34,7 @@ def test_offset_wells_stand_beside_the_path_with_level_factor_and_distance(brows
         shown = text(browser, "#clearance")
         assert shown.index("stop 0.90") < shown.index("clear 4.00")
         said = browser.find_element(By.CSS_SELECTOR, "#clearance dd").get_attribute("title")
-        assert said == "9.00 m away at 1250.00 m; least allowed 10.00 m"
+        assert said == "9.00 m away at 1250.00 m; smallest allowed 10.00 m"
         assert shown.index("A-3") < shown.index(EVIL)
         rig.state.show(time.monotonic(), clearance=())
         rig.push()

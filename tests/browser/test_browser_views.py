@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from browser_page import TOKEN, By, Keys, Rig, box, click, rig_on, show, sign_in, tab, text, wait
+from browser_page import TOKEN, By, Keys, Rig, box, click, resize, rig_on, show, sign_in, tab, text, wait
 from mwd_surface.live.alarms import Severity
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
@@ -131,23 +131,23 @@ def test_an_alarm_has_another_look_in_each_state_and_active_ones_come_first(brow
     with rig_on(browser) as rig:
         tab(browser, "alarms")
         wait(browser, lambda: strip(browser)["state"] == "unacknowledged")
-        rig.book.raise_alarm("sonde", Severity.CRITICAL, "no sonde", "check", time.time_ns())
+        rig.alarm_log.raise_alarm("sonde", Severity.CRITICAL, "no sonde", "check")
         rig.publish()
         wait(browser, lambda: strip(browser) == {"severity": "critical", "state": "unacknowledged"})
-        rig.book.clear("sonde", time.time_ns())
+        rig.alarm_log.clear_alarm("sonde")
         rig.publish()
         # The critical alarm has ended unacknowledged: it is still listed, after the active warning.
         states = "return [...document.querySelectorAll('#tab-alarms .alarm')].map((e) => e.dataset.state)"
         wait(browser, lambda: browser.execute_script(states) == ["unacknowledged", "returned"])
-        rig.book.acknowledge("mag.field", "A. Berg", time.time_ns())
+        rig.alarm_log.acknowledge("mag.field", "A. Berg")
         rig.publish()
         wait(browser, lambda: browser.execute_script(states) == ["acknowledged", "returned"])
-        rig.book.clear("mag.field", time.time_ns())
+        rig.alarm_log.clear_alarm("mag.field")
         rig.publish()
         # No alarm is active: the strip loses the colour of an alarm and names the alarms that wait to be acknowledged.
         wait(browser, lambda: strip(browser) == {"severity": "none", "state": "returned"})
         assert "no sonde" in text(browser, ".alarm-remedy")
-        rig.book.acknowledge("", "A. Berg", time.time_ns())
+        rig.alarm_log.acknowledge("", "A. Berg")
         rig.publish()
         wait(browser, lambda: text(browser, ".alarm-what") == "✓ No alarms")
 
@@ -166,11 +166,11 @@ def test_the_sound_repeats_until_the_alarm_is_acknowledged_or_silenced_here(brow
         click(browser, "#sound")
         assert text(browser, "#sound") == "Turn sound off"
         before = tones()
-        rig.book.raise_alarm("sonde", Severity.CRITICAL, "no sonde", "check", time.time_ns())
+        rig.alarm_log.raise_alarm("sonde", Severity.CRITICAL, "no sonde", "check")
         rig.publish()
         # A silenced alarm stays silent; a new alarm sounds.
         wait(browser, lambda: tones() > before)
-        rig.book.acknowledge("sonde", "A. Berg", time.time_ns())
+        rig.alarm_log.acknowledge("sonde", "A. Berg")
         rig.publish()
         wait(browser, lambda: text(browser, "#sound") == "Turn sound off")
 
@@ -219,3 +219,17 @@ def test_the_clock_shows_utc_and_the_time_at_the_rig(browser):
         utc, there = (part.split()[0] for part in text(browser, "#clock").split(" · "))
         assert abs(int(there[:2]) - int(utc[:2])) % 24 in (8, 16)
         assert utc[3:] == there[3:]
+
+
+@pytest.mark.parametrize("path", ["", "?view=charts"])
+def test_the_type_of_charts_follows_a_window_that_changes_its_size(browser, path):
+    room = """const plot = [...document.querySelectorAll('.u-over')].find((one) => one.offsetWidth);
+    const type = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    return plot ? parseFloat(plot.style.left) / type : null;"""
+    with rig_on(browser, (1280, 800), path=path) as rig:
+        history(rig)
+        tab(browser, "charts")
+        wait(browser, lambda: browser.execute_script(room) is not None)
+        before = browser.execute_script(room)
+        resize(browser, (3840, 2160))
+        wait(browser, lambda: abs(browser.execute_script(room) - before) < 0.1)

@@ -20,9 +20,9 @@ class Blade:
     """A stabiliser blade, modelled as a ring that may touch the wall of the hole."""
 
     at_m: float = setting(
-        doc="Distance of the middle of the blade from the lower end of its component.", unit="m", low=0.0, high=2000.0
+        doc="Distance of the middle of the blade from the lower end of its component.", low=0.0, high=2000.0
     )
-    od_mm: float = setting(doc="Diameter over the blades.", unit="mm", low=50.0, high=1000.0)
+    od_mm: float = setting(doc="Diameter over the blades.", low=50.0, high=1000.0)
 
 
 @dataclass(frozen=True)
@@ -34,20 +34,18 @@ class Component:
     """
 
     name: str = setting(doc="Name of the component.")
-    length_m: float = setting(doc="Length in the assembled (made-up) string.", unit="m", low=0.05, high=2000.0)
-    od_mm: float = setting(doc="Outer diameter of the body.", unit="mm", low=20.0, high=1000.0)
-    id_mm: float = setting(doc="Inner diameter.", unit="mm", low=0.0, high=500.0)
+    length_m: float = setting(doc="Length in the assembled (made-up) string.", low=0.05, high=2000.0)
+    od_mm: float = setting(doc="Outer diameter of the body.", low=20.0, high=1000.0)
+    id_mm: float = setting(doc="Inner diameter.", low=0.0, high=500.0)
     linear_mass_kg_m: float = setting(
         0.0, "Mass in air per metre; 0: computed from diameters and density.", unit="kg/m", low=0.0, high=5000.0
     )
-    density_kg_m3: float = setting(7850.0, "Density of the material.", unit="kg/m^3", low=1000.0, high=20000.0)
+    density_kg_m3: float = setting(7850.0, "Density of the material.", low=1000.0, high=20000.0)
     youngs_modulus_gpa: float = setting(
         206.0, "Young's modulus: 206 for steel, 195 for non-magnetic steel.", unit="GPa", low=10.0, high=500.0
     )
     magnetic: bool = setting(True, "Made of magnetic steel; false for non-magnetic collars and housings.")
-    pole_uwb: float = setting(
-        0.0, "Strength of its magnetic poles, as measured; 0: unknown.", unit="uWb", low=0.0, high=10000.0
-    )
+    pole_uwb: float = setting(0.0, "Strength of its magnetic poles, as measured; 0: unknown.", low=0.0, high=10000.0)
     blades: tuple[Blade, ...] = setting((), "Stabiliser blades of the component.")
 
     def __post_init__(self) -> None:
@@ -86,13 +84,13 @@ class Assembly:
     the assembly.
     """
 
-    hole_mm: float = setting(doc="Diameter of the hole.", unit="mm", low=50.0, high=1200.0)
-    sensor_m: float = setting(doc="Distance of the survey sensors from the bit.", unit="m", low=0.0, high=500.0)
+    hole_mm: float = setting(doc="Diameter of the hole.", low=50.0, high=1200.0)
+    sensor_m: float = setting(doc="Distance of the survey sensors from the bit.", low=0.0, high=500.0)
     components: tuple[Component, ...] = setting(doc="Components in order, from the bit up.")
     name: str = setting("", "Name of the assembly.")
-    mud_kg_m3: float = setting(1200.0, "Density of the mud.", unit="kg/m^3", low=0.0, high=3000.0)
+    mud_kg_m3: float = setting(1200.0, "Density of the mud.", low=0.0, high=3000.0)
     weight_on_bit_kn: float = setting(
-        0.0, "Weight on bit while a survey is taken; 0: off bottom.", unit="kN", low=0.0, high=1000.0
+        0.0, "Weight on bit while a survey is taken; 0: off bottom.", low=0.0, high=1000.0
     )
     build_deg_30m: float = setting(
         0.0, "Build rate of the hole around the assembly; negative if it drops.", unit="deg/30m", low=-60.0, high=60.0
@@ -101,7 +99,6 @@ class Assembly:
         SIGMA_CORRECTED_DEG,
         "Sag error that remains after the correction, in a horizontal hole, 1 sigma (SAGE). Raise it if the "
         "diameters of blades or hole are uncertain.",
-        unit="deg",
         low=0.0,
         high=5.0,
     )

@@ -47,7 +47,6 @@ def sag(assembly: Assembly, inclination: float, build: float | None = None) -> f
 
     Parameters
     ----------
-    assembly : Assembly
     inclination : float
         Inclination of the hole at the sensors, rad.
     build : float, optional

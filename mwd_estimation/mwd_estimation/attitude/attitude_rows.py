@@ -25,9 +25,10 @@ _LEVEL_SENSORS = GYRO | ACCEL
 
 
 class LastMagnetic:
-    """Last magnetic azimuth: bits of `Status`, and 1 sigma, rad."""
+    """Last magnetic azimuth with its 1 sigma, rad (NaN before the first one), and bits of `Status`."""
 
     status: int
+    azimuth: float
     sigma: float
 
 
@@ -57,8 +58,8 @@ def write(
     """
     Fill the messages of a stretch of n samples; return the number of rejected samples.
 
-    An unknown value is NaN, and so is its sigma. The sigma is pi for values that depend on a suspect sensor, and for
-    azimuth and gravity toolface near the vertical.
+    An unknown value is NaN, and so is its sigma. The sigma is pi for values from a suspect sensor, and for azimuth and
+    gravity toolface near the vertical.
 
     Parameters
     ----------
@@ -90,47 +91,48 @@ def _take(last: LastMagnetic, taken: MagneticAzimuth) -> None:
     variance = taken.sigma_slow * taken.sigma_slow + taken.sigma_held * taken.sigma_held
     variance += taken.sigma_noise * taken.sigma_noise
     variance += taken.sigma_constant * taken.sigma_constant
-    last.status, last.sigma = int(np.int64(taken.status)), math.sqrt(variance)
+    last.status, last.azimuth, last.sigma = int(np.int64(taken.status)), taken.azimuth, math.sqrt(variance)
 
 
 @compiled
-def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last_sigma: float) -> tuple[bool, float, float]:
+def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last: LastMagnetic) -> tuple[bool, float, float]:
     """
     Return whether the azimuth is known, the azimuth, rad, and its sigma, rad; NaN if unknown.
 
-    The plain azimuth is used only if none was propagated and the field is not disturbed. status: bits of `Status`;
-    last_sigma: `LastMagnetic.sigma`.
+    The last magnetic azimuth is used only if none was propagated, magnetic samples arrive (the plain azimuth is known),
+    and the field is not disturbed. status: bits of `Status`.
     """
     if math.isfinite(azimuth.azimuth):
         return True, azimuth.azimuth, azimuth.sigma
-    # If no azimuth is propagated (at the start, near vertical), use the plain magnetic one.
-    if azimuth.sigma == math.inf and math.isfinite(plain.azimuth) and status & _DISTURBED == 0:
-        return True, plain.azimuth, max(plain.sigma_azimuth, last_sigma)
+    # No azimuth is propagated at the start, near the vertical, and without gyros.
+    usable = math.isfinite(plain.azimuth + last.azimuth) and status & _DISTURBED == 0
+    if azimuth.sigma == math.inf and usable:
+        return True, last.azimuth % (2.0 * math.pi), last.sigma
     return False, math.nan, math.nan
 
 
 @compiled
 def _magnetic_toolface(
-    plain: AttitudeRow, azimuth: AzimuthRow, down_x: float, near_vertical: bool
+    plain: AttitudeRow, azimuth: float, sigma: float, down_x: float, near_vertical: bool
 ) -> tuple[float, float]:
     """
     Return the magnetic toolface and its 1 sigma, rad.
 
-    Near the vertical, or without a propagated azimuth, it is the plain toolface. down_x: x component of the unit vector
-    down.
+    Near the vertical, or without an azimuth, it is the plain toolface. azimuth, sigma: azimuth and its sigma, rad.
+    down_x: x component of the unit vector down.
     """
-    if near_vertical or not math.isfinite(azimuth.azimuth):
+    if near_vertical or not math.isfinite(azimuth):
         return plain.magnetic_toolface, plain.sigma_magnetic_toolface
-    # Add the propagated azimuth minus the plain azimuth to the magnetic toolface. Without a plain azimuth, compute the
-    # magnetic toolface from the propagated azimuth and the gravity toolface.
+    # Add the azimuth minus the plain azimuth to the magnetic toolface. Without a plain azimuth, compute the magnetic
+    # toolface from the azimuth and the gravity toolface.
     if math.isfinite(plain.azimuth):
-        toolface = plain.magnetic_toolface + (azimuth.azimuth - plain.azimuth)
+        toolface = plain.magnetic_toolface + (azimuth - plain.azimuth)
     else:
         side = plain.gravity_toolface
-        toolface = azimuth.azimuth + math.atan2(math.sin(side), math.cos(side) * down_x)
+        toolface = azimuth + math.atan2(math.sin(side), math.cos(side) * down_x)
     tau = 2.0 * math.pi
     toolface = toolface - tau if toolface >= tau else (toolface + tau if toolface < 0.0 else toolface)
-    return toolface, azimuth.sigma
+    return toolface, sigma
 
 
 @compiled
@@ -148,8 +150,8 @@ def _write_attitude(
     status = (sample.status & ~_NEAR_VERTICAL) | int(np.int64(plain.status)) | stretch.status
     status |= int(np.int64(azimuth.status)) | (last.status & _DISTURBED)
     near_vertical = status & _NEAR_VERTICAL != 0
-    has_azimuth, angle, sigma = _azimuth(plain, azimuth, status, last.sigma)
-    toolface, sigma_toolface = _magnetic_toolface(plain, azimuth, sample.down[0], near_vertical)
+    has_azimuth, angle, sigma = _azimuth(plain, azimuth, status, last)
+    toolface, sigma_toolface = _magnetic_toolface(plain, angle, sigma, sample.down[0], near_vertical)
     # `turned` is infinite if the toolfaces of a rejected sample are unknown.
     has_turn = sample.turned < math.inf
     has_north = (has_azimuth or (math.isfinite(plain.azimuth) and near_vertical)) and has_turn

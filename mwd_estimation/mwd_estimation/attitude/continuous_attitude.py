@@ -6,8 +6,8 @@ A block is processed in five steps, each compiled over all samples. Gravity of r
 stamps (`rejected_samples`). Magnetic samples are paired with gravity at their own stamps (`time_alignment`). One pair
 per interval updates the interference filter, which removes the tool's own field from the azimuth (`magnetic_azimuth`).
 The gyros propagate the azimuth, and the magnetic azimuths correct it (`gyro_azimuth`). The messages are written
-(`attitude_rows`). If no azimuth can be propagated (at the start, near vertical), the messages contain the magnetic
-azimuth of the second step, without the interference filter.
+(`attitude_rows`). If no azimuth can be propagated (at the start, near vertical, without gyros), the messages contain
+the last magnetic azimuth of the third step.
 """
 
 from __future__ import annotations
@@ -58,14 +58,6 @@ class AttitudeStream:
     """
     Attitude of one tool, block by block; the result does not depend on how the samples are cut into blocks.
 
-    Parameters
-    ----------
-    alignment : time_alignment_state.TimeAlignmentParams
-    interference : interference_state.InterferenceParams
-    azimuth : gyro_azimuth_state.GyroAzimuthParams
-    errors : SensorErrors
-    latitude_deg : float or None
-
     Attributes
     ----------
     handed_on : ndarray of dtype `time_alignment_state.PAIR`
@@ -100,6 +92,7 @@ class AttitudeStream:
         self._azimuths_read = 0
         self._waiting = np.zeros(0, dtype=MAGNETIC_AZIMUTH)
         self._last = np.zeros(1, dtype=LAST_MAGNETIC)
+        self._last["azimuth"] = math.nan
         # Last magnetic azimuth; its interference is valid for all bins before the next magnetic azimuth.
         self._last_magnetic = np.zeros(1, dtype=MAGNETIC_AZIMUTH)
         self._last_magnetic["interference"] = self._last_magnetic["sigma_interference"] = np.nan

@@ -88,7 +88,6 @@ def run(params: DynamicsParams, state: Samples, samples: Samples, attitude: Samp
 
     Parameters
     ----------
-    params : DynamicsParams
     state : ndarray, shape (1,)
         From `initial`; changed in place.
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)

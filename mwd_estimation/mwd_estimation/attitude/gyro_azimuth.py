@@ -58,7 +58,6 @@ def run(
 
     Parameters
     ----------
-    p : GyroAzimuthParams
     state : ndarray, shape (1,)
         State from `gyro_azimuth_state.initial`, changed in place; the result does not depend on the cut into blocks.
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)

@@ -2,10 +2,11 @@
 """
 Settings and state of the gyro-propagated azimuth, in the form that its kernels use.
 
-The Kalman states are: azimuth of the hole axis and azimuth of the last accepted station, both propagated by the gyros;
-slow and constant error of the magnetic azimuth, each in units of its own sigma; and, for the conventional and then the
-precision unit, bias of the y and z gyros, their leakage (share of the x rate that they read), drift about the vertical
-due to g-sensitivity, and lag behind the gravity vector. Derivation: ``docs/methods/continuous_attitude.md``.
+The first Kalman states are the azimuth of the hole axis and that of the last accepted station, both propagated by the
+gyros, and the slow and the constant error of the magnetic azimuth, each in units of its own sigma. The other states are
+those of the conventional and then of the precision unit: bias of the y and z gyros, their leakage (share of the x rate
+that they read), drift about the vertical due to g-sensitivity, and lag behind the gravity vector. Derivation:
+``docs/methods/continuous_attitude.md``.
 """
 
 from __future__ import annotations

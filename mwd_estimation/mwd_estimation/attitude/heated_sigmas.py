@@ -19,10 +19,6 @@ class HeatedSigmas:
 
     The temperature of a row is the last temperature measured before the row. Without a temperature the sigmas stay
     unchanged.
-
-    Parameters
-    ----------
-    calibrated : CalibratedRange
     """
 
     def __init__(self, calibrated: CalibratedRange) -> None:

@@ -49,11 +49,6 @@ class MagneticAzimuths:
     """
     Magnetic azimuths with their sigmas, and the interference filter that computes them.
 
-    Parameters
-    ----------
-    params : interference_state.InterferenceParams
-    errors : SensorErrors
-
     Attributes
     ----------
     innovation : Innovation

@@ -31,7 +31,7 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 
-_MAX_GAP = 0.5  # s, steps between samples from this length on are data gaps: the rotation is not integrated over them
+_MAX_GAP = 0.5  # length of a step from which it is a data gap, s: the rotation is not integrated over it
 _NO_MAG, _NEAR_VERTICAL = int(Status.NO_MAG), int(Status.NEAR_VERTICAL)
 
 
@@ -54,13 +54,10 @@ def run(
 
     Parameters
     ----------
-    p : TimeAlignmentParams
     state : ndarray, shape (1,)
         State from `time_alignment_state.initial`, changed in place; the result does not depend on the cut into blocks.
-    model : FieldModel
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
         Samples; `turn` is filled where gravity is known.
-    mag : MagBlock
 
     Returns
     -------

@@ -55,7 +55,6 @@ def run(params: DwellParams, state: Samples, stamps: Stamps, track: Track) -> No
 
     Parameters
     ----------
-    params : DwellParams
     state : ndarray of dtype RECORD, shape (1,)
         State, zeros at first, changed in place; the result does not depend on how the samples are cut into blocks.
     stamps : ndarray of int64, shape (n,)

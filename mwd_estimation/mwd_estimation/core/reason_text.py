@@ -50,20 +50,20 @@ HYPOTHESES = {
     "sensor": "accelerometers turned in their mount",
 }
 _REST = "let the tool rest longer, or turn it between two rests"
-_UNCERTAIN = "azimuth may be more than {limit:.0f deg} off (probability {value:.1f %}): "
+_UNCERTAIN = "azimuth may be wrong by more than {limit:.0f deg} (probability {value:.1f %}): "
 _BIAS_UNKNOWN = (
     "the gyro bias is known only to {values[0]:.2g deg/h}, which leaves the azimuth uncertain by {value:.0f deg}: "
 )
 
 WORDS: dict[Code, str] = {
     Code.GRAVITY_OFF: "total gravity {value:+.1f mG} off the reference, limit {limit:.1f mG}: "
-    "tool moving, or an accelerometer off",
+    "the tool moved, or an accelerometer is wrong",
     Code.GRAVITY_OFF_STANDARD: "total gravity {value:+.1f mG} off standard gravity (nearer than the place's), "
-    "limit {limit:.1f mG}: tool moving, or an accelerometer off",
+    "limit {limit:.1f mG}: the tool moved, or an accelerometer is wrong",
     Code.FIELD_OFF: "total field {value:+.0f nT} off the reference, limit {limit:.0f nT}: "
-    "external interference, or a magnetometer off",
+    "external interference, or a magnetometer is wrong",
     Code.DIP_OFF: "dip {value:+.2f deg} off the reference, limit {limit:.2f deg}: "
-    "magnetic interference (casing or another well near), or a sensor off",
+    "magnetic interference (casing or another well near), or a sensor is wrong",
     Code.TOTALS_OFF_TOGETHER: "total gravity, total field and dip together do not fit: "
     "chi-square {value:.1f}, limit {limit:.1f}",
     Code.WITHIN_LIMITS: "within limits: {causes_listed}",
@@ -81,8 +81,8 @@ WORDS: dict[Code, str] = {
     Code.NO_ACCELEROMETER: "no accelerometer reading: nothing can be computed",
     Code.NO_MAGNETOMETER: "no magnetometer reading",
     Code.NO_NUMBER: "no number in {names_listed}",
-    Code.TABLE_UNIT: "the readings of {names[0]} are in {names[1]} by their total, not in the unit that they were read "
-    "in: correct the unit of the columns and compute again",
+    Code.TABLE_UNIT: "the total of {names[0]} shows that the readings are in {names[1]}, not in the unit used: "
+    "correct the unit of the columns and compute again",
     Code.DEAD_AXIS: "{names[0]} stays the same while the other axes turn: the axis is dead, or its column is wrong; "
     "check the tool",
     Code.WIRING: "{names[1]} (the {names[0]} shows it): {remedies}; correct the columns and compute again",
@@ -97,54 +97,54 @@ WORDS: dict[Code, str] = {
     Code.EXTERNAL_FIELD_UNKNOWN: "external field unknown: the file of observatory {names[0]} has no data of this time; "
     "add data of this time to the file and process again",
     Code.CORRECTION_NEAR_VERTICAL: "hole only {value:.2f deg} from vertical: axial interference hardly "
-    "turns the azimuth there and the toolface is too uncertain to correct the azimuth",
+    "changes the azimuth there and the toolface is too uncertain to correct the azimuth",
     Code.CROSS_AXIAL_MISFIT: "across-axis field does not fit the reference (chi-square {value:.0f}, limit "
     "{limit:.1f}): the disturbance is not axial (casing, nearby well, hot spot in the collar) "
     "or the reference is not this place's",
     Code.TWO_AZIMUTHS_FIT_FIELD: "two azimuths, {values[0]:.1f (deg)} and {values[1]:.1f deg} from magnetic north, fit "
     "the readings without the axial magnetometer: horizontal hole, take a gyro",
     Code.CORRECTION_UNCERTAIN: "hole {values[0]:.0f deg} from horizontal and {values[1]:.0f deg} from magnetic "
-    "east-west: corrected azimuth good only to {value:.1f deg}, limit {limit:.1f deg}; "
+    "east-west: corrected azimuth accurate only to {value:.1f deg}, limit {limit:.1f deg}; "
     "stations of the run in other directions help, or a gyro",
     Code.STATIONS_DO_NOT_FIT: "{value:.0f} of {values[0]:.0f} stations do not fit one set of errors: "
     "the disturbance changes along the run (casing, other wells) or the tool was changed",
     Code.STATIONS_IMPROBABLE: "the stations do not fit one set of errors and this reference: chi-square "
     "{values[0]:.0f} of {values[1]:.0f} degrees of freedom, probability {value:.1g}, limit {limit:g}",
-    Code.MULTI_STATION_UNCERTAIN: "corrected azimuth good only to {value:.1f deg} (limit {limit:.1f deg}): "
-    "the attitudes do not show the axial interference; take stations at other azimuths or a gyro",
+    Code.MULTI_STATION_UNCERTAIN: "corrected azimuth accurate only to {value:.1f deg} (limit {limit:.1f deg}): "
+    "the axial interference cannot be found from these attitudes; take stations at other azimuths or a gyro",
     Code.MULTI_STATION_NO_BETTER: "corrected azimuth no better than the raw one "
     "({value:.2f (deg)} against {limit:.2f deg})",
     Code.AZIMUTH_NOT_DETERMINED: "near vertical: the azimuth is not determined (sigma {value:.0f deg}), "
     "use the magnetic toolface",
     Code.AZIMUTHS_FIT: "more than one azimuth fits: {value:.1f deg} with {limit:.1f %}{alternatives}; "
     "take a gyro, or survey again at another toolface",
-    Code.EXTERNAL_FIELD: "external magnetic field ({value:.0f %} probable: casing, fish or another well near): "
+    Code.EXTERNAL_FIELD: "external magnetic field (probability {value:.0f %}; casing, fish or another well near): "
     "move the sensor away or use a gyro",
     Code.FIELD_UNEXPLAINED: "no disturbance explains the magnetic reading (chi-square {value:.0f}, limit {limit:.0f}): "
     "check the magnetometer and the reference field",
     Code.FIELD_OF_ANOTHER_PLACE: "the field fits another place: its deviation from the reference is the same at the "
-    "stations of the run; check latitude, longitude and date of the place, or the reference given",
+    "stations of the run; check latitude, longitude and date of the place, or the given reference",
     Code.REFERENCE_SLIP: "the reference is probably given wrong: the readings ({values[0]:.0f nT}, dip "
     "{values[1]:.1f deg}) fit {names[0]}; correct the reference and process again",
-    Code.SENSOR_DEFECT: "the accelerometers are probably turned in their mount ({value:.0f %}): check the tool at "
-    "surface, or change the tool",
-    Code.MOUNT_MAY_BE_TURNED: "inclination may be off by {value:.1f deg} (1 sigma): the dip fits accelerometers turned "
-    "in their mount as well; survey again at another toolface, check the tool at surface",
+    Code.SENSOR_DEFECT: "the accelerometers are probably turned in their mount (probability {value:.0f %}): "
+    "check the tool at surface, or change the tool",
+    Code.MOUNT_MAY_BE_TURNED: "inclination may be wrong by {value:.1f deg} (1 sigma): the dip also fits accelerometers "
+    "turned in their mount; survey again at another toolface, check the tool at surface",
     Code.READINGS_REPEATED: "the readings are to the last digit those of station {value:.0f} of this run: old data "
-    "played again; survey anew",
-    Code.UNCERTAIN_STRING: _UNCERTAIN + "drill-string interference does not show well enough at this attitude, "
-    "whatever the toolface; take a gyro, or stations of this run where the hole has another direction",
-    Code.UNCERTAIN_COLLAR: _UNCERTAIN + "a magnetised collar does not show well enough; take stations at other "
-    "toolfaces, or a gyro",
+    "played again; survey again",
+    Code.UNCERTAIN_STRING: _UNCERTAIN + "drill-string interference cannot be determined well enough at this "
+    "attitude, at any toolface; take a gyro, or stations of this run where the hole has another direction",
+    Code.UNCERTAIN_COLLAR: _UNCERTAIN + "the field of a magnetised collar cannot be determined well enough; take "
+    "stations at other toolfaces, or a gyro",
     Code.UNCERTAIN_EXTERNAL: _UNCERTAIN + "there may be steel near (casing, fish, another well); "
     "move the sensor away or use a gyro",
     Code.UNCERTAIN_REFERENCE: _UNCERTAIN + "the field does not fit the reference; "
     "check place, date and magnetic storms",
     Code.UNCERTAIN_SENSOR: _UNCERTAIN + "a sensor may be out of calibration, or shielded by magnetic mud; "
     "check the tool at surface",
-    Code.UNCERTAIN_FOR_ANY_TOOL: "azimuth known to {value:.0f deg} only, and to {limit:.0f deg} by any magnetic tool "
-    "here: the horizontal field is weak, or the string is of steel; use a gyro",
-    Code.GYRO_DISAGREES: "gyro and magnetic azimuth disagree ({value:.0f %} probable that the gyro is wrong): "
+    Code.UNCERTAIN_FOR_ANY_TOOL: "the sigma of the azimuth is {value:.0f deg}, and {limit:.0f deg} for any magnetic "
+    "tool here: the horizontal field is weak, or the string is of steel; use a gyro",
+    Code.GYRO_DISAGREES: "gyro and magnetic azimuth disagree (probability {value:.0f %} that the gyro is wrong): "
     "let the tool rest and survey again, at another toolface if it can be turned",
     Code.PROPAGATED_DISAGREES: "the azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from the azimuth that the "
     "gyros propagated from the last accepted station: external magnetic field, or that station was wrong; survey again",
@@ -159,7 +159,7 @@ WORDS: dict[Code, str] = {
     Code.PRECISION_UNIT_SUSPECT: "a check contradicts the precision unit: not used until the cause is known",
     Code.LATITUDE_UNKNOWN: "the latitude is not known: set place.lat_deg and place.lon_deg",
     Code.LATITUDE_POLAR: "latitude {value:.1f deg} is too near the pole: the Earth's rotation is vertical there and "
-    "no gyro finds north above {limit:.0f deg}",
+    "no gyro finds north above latitude {limit:.0f deg}",
     Code.NO_PRECISION_UNIT: "no samples of the precision unit arrive (gyro/data_raw)",
     Code.TOOL_NOT_STILL: "the tool has not kept still",
     Code.SEEK_LEVELLING: "the gyro needs {limit:.0f s} of data, had {value:.0f s}: the tool is being levelled",
@@ -173,7 +173,7 @@ WORDS: dict[Code, str] = {
     Code.NO_SECOND_POSITION: "the tool was not turned to a second position: "
     "turn it half a turn about its axis and wait again",
     Code.TOOL_MOVED: "the tool moved: keep off bottom and in one place",
-    Code.HOLE_AXIS_MOVED: "the tool moved: the hole axis lay elsewhere {value:.0f} times; "
+    Code.HOLE_AXIS_MOVED: "the tool moved: its axis changed direction {value:.0f} times; "
     "keep off bottom and in one place",
     Code.HOLE_AXIS_SWINGS: "the tool shakes: its axis swings by {value:.2f deg}; a still shot needs pumps off",
     Code.VERTICAL_HOLE: "inclination {value:.1f deg}: a vertical hole has no azimuth; "
@@ -181,21 +181,21 @@ WORDS: dict[Code, str] = {
     Code.EAST_WEST_HOLE: "the hole lies within {value:.0f deg} of horizontal east-west (azimuth about "
     "{values[0]:.0f deg}): turning the tool about its axis does not show north there; "
     "take a still shot with a known gyro bias",
-    Code.GYRO_BIAS_EXCESSIVE: "{names[0]} comes out at {value:.3g deg/h}, stated within {limit:.3g (deg/h)}: "
-    "check the unit",
-    Code.GYRO_SCALE_EXCESSIVE: "{names[0]} comes out at {value:.3g ppm}, stated within {limit:.3g (ppm)}: "
-    "check the unit",
-    Code.GYRO_LEAK_EXCESSIVE: "{names[0]} comes out at {value:.3g urad}, stated within {limit:.3g (urad)}: "
-    "check the unit",
-    Code.TWO_AZIMUTHS_FIT_GYRO: "two azimuths fit equally, {values[0]:.1f (deg)} and {values[1]:.1f deg}: turned "
-    "about its axis, a tool this near the horizontal does not tell north from south of east-west; "
+    Code.GYRO_BIAS_EXCESSIVE: "the {names[0]} is estimated as {value:.3g deg/h}, the settings state a "
+    "sigma of {limit:.3g (deg/h)}: check the gyro unit",
+    Code.GYRO_SCALE_EXCESSIVE: "the {names[0]} is estimated as {value:.3g ppm}, the settings state a "
+    "sigma of {limit:.3g (ppm)}: check the gyro unit",
+    Code.GYRO_LEAK_EXCESSIVE: "the {names[0]} is estimated as {value:.3g urad}, the settings state a "
+    "sigma of {limit:.3g (urad)}: check the gyro unit",
+    Code.TWO_AZIMUTHS_FIT_GYRO: "two azimuths fit equally, {values[0]:.1f (deg)} and {values[1]:.1f deg}: so "
+    "near the horizontal, turning the tool does not show whether the hole points north or south of east-west; "
     "seek longer, or choose by the magnetometer",
     Code.LATITUDE_MISFIT: "the Earth rate found does not fit latitude {values[0]:.1f deg} "
     "({value:.1f sigma}): the tool moved, or a gyro error is larger than stated",
-    Code.LATITUDE_OTHER: "the latitude is probably not {values[0]:.1f deg} ({value:.0f %}): Earth rate and gravity fit "
-    "{values[1]:.1f deg} best; check the latitude and its sign",
+    Code.LATITUDE_OTHER: "the latitude of {values[0]:.1f deg} is wrong with a probability of {value:.0f %}; another "
+    "latitude, such as {values[1]:.1f deg}, gives another azimuth; check the latitude and its sign",
     Code.GYRO_BIAS_UNKNOWN: _BIAS_UNKNOWN + "turn the tool half a turn about its axis and wait again",
-    Code.GYRO_BIAS_UNKNOWN_STATIC: _BIAS_UNKNOWN + "S1's filter does not take a second position",
+    Code.GYRO_BIAS_UNKNOWN_STATIC: _BIAS_UNKNOWN + "the method S1 cannot use a second position",
     Code.SEEK_UNCERTAIN: "not certain enough: {value:.0f deg} after {values[0]:.0f s}; wait longer",
     Code.TOO_FEW_SAMPLES: "too few samples to tell whether the tool keeps still: {value:.0f} in half a second, "
     "{limit:.0f} are needed",
@@ -210,8 +210,9 @@ WORDS: dict[Code, str] = {
     ),
     Code.STRING_DOES_NOT_TURN: "the string does not turn: take a survey at rest",
     Code.TOO_FEW_WITH_GRAVITY: "too few samples with a known gravity",
-    Code.TIME_WENT_BACK: "time went back: the estimate begins anew",
-    Code.NOISE_STATED: "the sensors state more noise than the tool's settings: the estimate begins anew; ask again",
+    Code.TIME_WENT_BACK: "time went back: the estimate restarts",
+    Code.NOISE_STATED: "the messages state more noise than the tool's settings: the estimate restarts; send the "
+    "request again",
 }
 
 

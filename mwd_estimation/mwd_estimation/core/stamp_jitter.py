@@ -20,7 +20,7 @@ from mwd_sensors.core.records import dtype_of
 
 _MEMORY = 200  # number of samples over which the steps are averaged
 _FIRST = 50  # number of steps after which the period counts as known
-_SILENCE = 0.5  # s, a longer step is a gap
+_SILENCE = 0.5  # longest step that is not a gap, s
 # The stamps follow no period if the mean distance of the steps from whole periods is above _UNEVEN periods (random
 # steps: 0.25), or if the period found is shorter than the share _SHORTEST of the mean step.
 _UNEVEN, _SHORTEST = 0.17, 0.2

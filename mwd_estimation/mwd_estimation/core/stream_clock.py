@@ -23,10 +23,10 @@ from mwd_sensors.core.records import dtype_of
 
 _MEMORY = 1000  # longest memory of the line, samples: the jitter of a stamp becomes 16 times smaller
 _FIRST = 50  # number of samples until the line is used
-_EVEN = 1e-4  # s; stamps with less jitter stay unchanged, because 1e-4 s is a toolface error of 0.07 deg at 120 r/min
+_EVEN = 1e-4  # jitter below which stamps stay unchanged, s; 1e-4 s is a toolface error of 0.07 deg at 120 r/min
 _FAR = 4.0  # a stamp farther from the line than half a period plus _FAR sigmas is late, or samples are missing
 _CONFIRMED = 4  # number of stamps in a row that are far from the line, after which the clock counts as set
-_SILENCE = 0.5  # s, a longer step is a data gap
+_SILENCE = 0.5  # longest step that is not a data gap, s
 _LATE = 10.0  # periods; a stamp that is far from the line and this long after the last stamp follows a data gap
 
 

@@ -234,7 +234,7 @@ class Clocks:
         begins_ns, went_back = int(other.jump[0]["stamp_ns"][0]), other.first_ns < pace.last_ns
         returns = begins_ns > pace.last_ns - BACK_NS and (went_back or begins_ns <= self._lead.last_ns + BACK_NS)
         if not returns and begins_ns > int(other.waiting[-1]["stamp_ns"][0]):
-            # A data gap in the new time.
+            # The new time has a data gap.
             other.waiting += other.jump
             other.jump = []
             return sample[:0]

@@ -20,11 +20,11 @@ from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-ROTATING_ABOVE = 0.5  # rad/s, low-passed rate about the tool axis (4.8 r/min)
-STILL_RATE = 0.05  # rad/s, decaying peak of the angular rate
-STILL_NON_GRAVITY = 0.5  # m/s^2, decaying peak of the non-gravity acceleration
-STILL_HOLD = 1.0  # s, time constant of the decay of both peaks
-ROTARY_LAG = 0.5  # s, time constant of the rotary speed
+ROTATING_ABOVE = 0.5  # low-passed rate about the tool axis, rad/s (4.8 r/min)
+STILL_RATE = 0.05  # decaying peak of the angular rate, rad/s
+STILL_NON_GRAVITY = 0.5  # decaying peak of the non-gravity acceleration, m/s^2
+STILL_HOLD = 1.0  # time constant of the decay of both peaks, s
+ROTARY_LAG = 0.5  # time constant of the rotary speed, s
 NEAR_VERTICAL_BELOW = math.radians(3.0)  # inclination below which gravity across the tool is too small for a toolface
 BACKWARD_LIMIT = 50  # number of samples with advancing stamps after which a clock that jumped back is accepted
 # m/s^2; no accelerometer resolves this force. A sample is a reading only if the force on at least one axis is larger.

@@ -78,7 +78,7 @@ class Commands:
 # Decode commands from the surface in the rotation or the flow that the tool measures.
 
 
-_CELL_NS = 200_000_000  # ns; the signal is averaged over cells of this length
+_CELL_NS = 200_000_000  # the signal is averaged over cells of this length, ns
 _DATA = 9  # number of data symbols of a command
 _SAMPLES = len(HEAD) + _DATA + len(TAIL)  # number of symbols of a command
 # Steps of the signal in rad/s or m^3/s: the signal is rounded to 1e-6 rad/s or 1e-9 m^3/s, far below sensor noise, and

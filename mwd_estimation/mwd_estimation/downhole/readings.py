@@ -17,6 +17,13 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.telemetry import meanings
 
 _NORTH = {int(north): north.name.lower() for north in North}
+# Field of the attitude for each quantity, and whether its angle counts from north.
+_ATTITUDE = {
+    meanings.CONTINUOUS_INCLINATION: ("inclination", False),
+    meanings.CONTINUOUS_AZIMUTH: ("azimuth", True),
+    meanings.GRAVITY_TOOLFACE: ("gravity_toolface", False),
+    meanings.MAGNETIC_TOOLFACE: ("magnetic_toolface", True),
+}
 
 
 class StampedValue(NamedTuple):
@@ -45,21 +52,13 @@ def of_attitude(row: Samples, reference: Reference | None) -> Readings:
     """Return the readings of one sample of `wire.ATTITUDE`, without those that are unknown."""
     stamp, status = int(row["stamp_ns"]), int(row["status"])
     found: Readings = {}
-    if math.isfinite(row["sigma_inclination"]):
-        found[meanings.CONTINUOUS_INCLINATION] = StampedValue(
-            float(row["inclination"]), float(row["sigma_inclination"]), stamp
-        )
     turn = to_magnetic(_NORTH.get(int(row["north"]), ""), reference)
-    if math.isfinite(row["sigma_azimuth"]) and turn is not None:
-        azimuth = (float(row["azimuth"]) + turn) % math.tau
-        found[meanings.CONTINUOUS_AZIMUTH] = StampedValue(azimuth, float(row["sigma_azimuth"]), stamp)
-    if math.isfinite(row["sigma_gravity_toolface"]):
-        found[meanings.GRAVITY_TOOLFACE] = StampedValue(
-            float(row["gravity_toolface"]), float(row["sigma_gravity_toolface"]), stamp
-        )
-    if math.isfinite(row["sigma_magnetic_toolface"]) and turn is not None:
-        angle = (float(row["magnetic_toolface"]) + turn) % math.tau
-        found[meanings.MAGNETIC_TOOLFACE] = StampedValue(angle, float(row["sigma_magnetic_toolface"]), stamp)
+    for quantity, (field, by_azimuth) in _ATTITUDE.items():
+        value, sigma = float(row[field]), float(row[f"sigma_{field}"])
+        if math.isfinite(sigma) and not by_azimuth:
+            found[quantity] = StampedValue(value, sigma, stamp)
+        elif math.isfinite(sigma) and turn is not None:
+            found[quantity] = StampedValue((value + turn) % math.tau, sigma, stamp)
     # Near vertical there is no high side, so the toolface is measured from magnetic north.
     automatic = meanings.MAGNETIC_TOOLFACE if status & Status.NEAR_VERTICAL else meanings.GRAVITY_TOOLFACE
     if automatic in found:

@@ -28,7 +28,6 @@ class Transmit:
         FLOW_HOLD_S,
         "Time for which the flow must stay above or below the threshold of the tool configuration before it counts as "
         "on or off. A larger value ignores longer interruptions, but delays each transmission by the same time.",
-        unit="s",
         low=0.0,
         high=60.0,
         expert=True,
@@ -39,7 +38,6 @@ class Transmit:
         "survey and second toolface sequence when rotation begins, first toolface sequence when it ends; 0: never "
         "switch. A larger value tolerates longer stick phases; 10 s is usual. Needs header_bits in the tool "
         "configuration, so that the surface knows which sequence follows.",
-        unit="s",
         low=0.0,
         high=300.0,
         expert=True,

@@ -33,7 +33,6 @@ class GravityWithFallback:
 
     Parameters
     ----------
-    method : Method
     params : Any
         Parameters of the method.
     remaining : accelerometer_only.AccelerometerParams

@@ -43,7 +43,7 @@ State = NDArray[np.void]
 
 
 class MahonyParams(NamedTuple):
-    """Settings of the method of S3; with `fuzzy` False the method is the plain PI filter (Mahony)."""
+    """Settings of the method of paper S3; with `fuzzy` False the method is the plain PI filter (Mahony)."""
 
     #: `k_p`, `k_i`: base proportional gain, 1/s, and integral gain, 1/s^2; k_i = 0 does not estimate the gyro bias.
     k_p: float = 0.15
@@ -61,7 +61,7 @@ class MahonyParams(NamedTuple):
 
 
 class MahonyRecord:
-    """State of the filter of S3."""
+    """State of the filter of paper S3."""
 
     #: `clock`, `motion`: common to all methods, kept by `track.admit` and `track.follow_motion`.
     clock: track.TrackClock
@@ -105,7 +105,6 @@ def run(params: MahonyParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLi
 
     Parameters
     ----------
-    params : MahonyParams
     state : State
         State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)

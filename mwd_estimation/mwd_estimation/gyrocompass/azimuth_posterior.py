@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,10 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 
+# Share of the probability whose interval gives the sigma of a mixture, and half of the width of this interval of a
+# Gaussian, in sigmas. A rare mistake with less than the rest, one in a hundred, does not widen sigma.
+_WITHIN = 0.99
+_WITHIN_SIGMAS = NormalDist().inv_cdf(0.5 + 0.5 * _WITHIN)
 # Smallest width of a peak that the coarse grid resolves, rad; and largest ratio of the widths of two peaks that use the
 # same grid.
 _NARROW, _ALIKE = 0.1, 1.4
@@ -41,7 +46,7 @@ class Mixture(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class OnCircle:
-    """Azimuth of the level frame (plus the added angle) from the posterior on the circle."""
+    """Azimuth of the level frame, plus the added angle of `Mixture`, from the posterior on the circle."""
 
     #: `mean`, `sigma`: mean and 1 sigma, rad.
     mean: float
@@ -158,6 +163,25 @@ def posterior(parts: Mixture, horizontal: float, expected: float | None = None) 
     variance = float(np.sum(weight * wrap_pi(total - mean) ** 2)) + float(weight.sum(axis=1) @ parts.own)
     several = tuple(angles) if len(angles) > 1 else ()
     return OnCircle(mean, min(math.sqrt(variance), math.pi), misfit, several, math.log(whole) - 0.5 * least)
+
+
+def sigma_of_mixture(weight: Array, off: Array, sigmas: Sequence[float]) -> float:
+    """
+    Return 1 sigma, rad, of the Gaussian about zero that has its central 99 % in the same interval as a mixture.
+
+    weight, off, sigmas, shape (n,): weights, which have the sum 1, means and 1 sigma of the Gaussians of the mixture,
+    rad. The result is at most pi.
+    """
+    parts = [(w, o, s * math.sqrt(2.0)) for w, o, s in zip(weight, off, sigmas, strict=True)]
+
+    def outside(width: float) -> float:
+        return 0.5 * math.fsum(w * (math.erfc((width - o) / s) + math.erfc((width + o) / s)) for w, o, s in parts)
+
+    least, most = 0.0, _WITHIN_SIGMAS * math.pi
+    for _ in range(50):
+        width = 0.5 * (least + most)
+        least, most = (width, most) if outside(width) > 1.0 - _WITHIN else (least, width)
+    return most / _WITHIN_SIGMAS
 
 
 def _modes(cost: Callable[[Array], Array]) -> list[tuple[float, float]]:

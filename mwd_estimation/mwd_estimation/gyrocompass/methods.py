@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Methods of seeking north at a station: the seek with all its states, and the filter of S1.
+Methods of seeking north at a station: the seek with all its states, and the filter of paper S1 (`static_ekf`).
 
-The filter of S1 assumes that the tool does not move and that calibration has made the gyro bias small; a rotation of
-the tool ends the seek.
+`static_ekf` assumes that the tool does not move and that the gyro bias is small after calibration; a rotation of the
+tool ends its seek.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class NorthSeek:
 
 
 class StaticSeek:
-    """Seek by the fifteen states of S1 (`static_ekf`), with the parameters that it shares with `north_seek`."""
+    """North seek with the filter `static_ekf`, which has 15 states; it shares its parameters with `north_seek`."""
 
     turns = False
 

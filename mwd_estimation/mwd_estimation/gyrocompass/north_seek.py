@@ -14,7 +14,7 @@ estimate far from the circle contradicts the latitude. Derivation, observability
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from mwd_estimation.core import clip_flags, track
 from mwd_estimation.core.reasons import Reason, ReasonCode
+from mwd_estimation.core.reference_field import LOCAL_GRAVITY
 from mwd_estimation.gyrocompass import azimuth_posterior, gyro_errors
 from mwd_estimation.gyrocompass.azimuth_posterior import OnCircle
 from mwd_estimation.gyrocompass.gyro_errors import GyroErrors
@@ -40,20 +41,15 @@ _RAMPS, _G_SENSITIVITY = range(Error.BIAS_RAMP, Error.SIZE), range(Error.G_SENSI
 # Number of sigmas from zero at which a gyro bias counts as found. Smaller biases are not compared with the stated bias:
 # in steady rotation the x bias may be a scale error.
 _FOUND = 3.0
-# Errors of a latitude that is stated wrong, rad, and the probability of all of them together (a guess).
-_WRONG_BY, _WRONG = np.radians([off for off in range(-40, 41, 5) if off]), 0.05
-# Other latitudes count if their probability is larger than this multiple of the one before the seek. Otherwise the seek
-# has not spoken against the stated latitude, and the sigma of an accurate gyro is not that of a rare mistake.
-_CONFIRMED = 2.0
+# Errors of a latitude that is stated wrong, rad; the probability of all of them together, and that of a latitude with
+# the wrong sign (guesses).
+_WRONG_BY, _WRONG, _WRONG_SIGN = np.radians([off for off in range(-40, 41, 5) if off]), 0.05, 0.01
 # Assumed ratios of the real to the stated errors of the accelerometers, and their probabilities (a guess): a unit
 # without own calibration has errors of 3 mg. With the ratio 1 alone, 36 of 120 seeks at the right latitude are refused
 # if the accelerometers are 2 mg off.
 _ACCEL_SCALES, _SCALE_PROBABILITIES = np.array([1.0, 4.0, 16.0]), np.array([0.9, 0.07, 0.03])
-# Log likelihood ratio of gravity at which another latitude is left out.
-_EXCLUDED = -10.0
-# 1 sigma of the difference of gravity in the tool from the gravity stated for the place, m/s^2: gravity anomalies, 3 km
-# of depth, and the height of a place that is not stated.
-_LOCAL_GRAVITY = 0.003
+# Log odds, before the seek and by gravity, at which another latitude is left out.
+_EXCLUDED = -15.0
 # Smallest change of toolface or inclination after which a still seek gives new information, rad: half an arc of
 # `gyro_errors`.
 _ANOTHER_ATTITUDE = math.radians(15.0)
@@ -114,7 +110,6 @@ def run(
 
     Parameters
     ----------
-    params : SeekParams
     state : SeekState
         State of the seek, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
@@ -152,9 +147,9 @@ def solution(params: SeekParams, state: SeekState, errors: GyroErrors | None = N
     inclination, heading, right = _hole_axis(state, method)
     now = errors_now(params, state, errors)
     anywhere = gyro_errors.joined(now, _sought(p, state, right))
-    told = math.radians(params.latitude_deg)
-    circle, other = (_at_latitude(now, anywhere, latitude) for latitude in (told, -told))
-    north = _of_latitudes(told, circle, _others(p, state, told), lambda one: _at_latitude(now, anywhere, one))
+    latitudes, log_odds = _latitudes(params, p, state)
+    circles = [_at_latitude(now, anywhere, latitude) for latitude in latitudes]
+    north, circle, told = _north(latitudes, log_odds, circles), circles[0], latitudes[0]
     sigma_there, azimuth = _sigma(circle), float(wrap_tau(north.mean + heading))
     blind = math.sin(inclination) * math.sin(azimuth)
     seen = math.sqrt(max(1.0 - blind * blind, 1e-12)) if method != "still" else 1.0
@@ -169,7 +164,6 @@ def solution(params: SeekParams, state: SeekState, errors: GyroErrors | None = N
         sigma_there,
         seen,
         circle.misfit,
-        other.log_evidence - circle.log_evidence,
         north.wrong,
         north.likeliest,
         fitting,
@@ -224,53 +218,42 @@ def _sigma(circle: OnCircle, misfit: float | None = None) -> float:
 
     misfit: squared distance of the Earth rate from the circle, in sigmas; None: that of `circle`.
     """
-    # A rate that misses the latitude by more than two sigmas shows errors larger than stated: north has them too.
+    # If the rate differs from the latitude's by more than two sigmas, the gyro errors are larger than stated, also in
+    # north.
     larger = max(math.sqrt(circle.misfit if misfit is None else misfit) - 1.0, 1.0)
     return min(larger * circle.sigma, math.pi)
 
 
-def _others(p: KernelParams, state: SeekState, told: float) -> list[tuple[float, float]]:
-    """
-    Return latitudes other than `told`, rad, each with the log of its odds before the seek and by the measured gravity.
-
-    Gravity elsewhere differs from the gravity stated for the place by the difference of normal gravity.
-    """
+def _latitudes(params: SeekParams, p: KernelParams, state: SeekState) -> tuple[list[float], Array]:
+    """Return the possible latitudes, rad, the stated one first, and their log odds before the seek and by gravity."""
+    told = math.radians(params.latitude_deg)
+    latitudes = np.array([told, *(told + _WRONG_BY), -told])
+    prior = np.full(len(latitudes), _WRONG / len(_WRONG_BY))
+    prior[[0, -1]] = 1.0 - _WRONG - _WRONG_SIGN, _WRONG_SIGN
     gravity, sigma = _gravity(p, state)
-    sigmas = np.hypot(_ACCEL_SCALES * sigma, _LOCAL_GRAVITY)
-
-    def log_likelihood(difference: float) -> float:
-        return math.log(float(_SCALE_PROBABILITIES @ (np.exp(-0.5 * (difference / sigmas) ** 2) / sigmas)))
-
-    off, normal = gravity - p.gravity, earth.gravity(told, 0.0)
-    found = []
-    for latitude in told + _WRONG_BY:
-        ratio = log_likelihood(off - earth.gravity(latitude, 0.0) + normal) - log_likelihood(off)
-        if polar(math.degrees(latitude)) is None and ratio > _EXCLUDED:
-            found.append((float(latitude), math.log(_WRONG / (1.0 - _WRONG) / len(_WRONG_BY)) + ratio))
-    return found
+    sigmas = np.hypot(_ACCEL_SCALES * sigma, LOCAL_GRAVITY)
+    off = gravity - np.array([earth.gravity(latitude, params.height_m) for latitude in latitudes])
+    likelihood = np.log(_SCALE_PROBABILITIES / sigmas) - 0.5 * (off[:, None] / sigmas) ** 2
+    log = np.log(prior) + np.logaddexp.reduce(likelihood, axis=1)
+    possible = log > log[0] + _EXCLUDED
+    possible &= [polar(math.degrees(latitude)) is None for latitude in latitudes]
+    return latitudes[possible].tolist(), log[possible]
 
 
-def _of_latitudes(
-    told: float, circle: OnCircle, others: Sequence[tuple[float, float]], at: Callable[[float], OnCircle]
-) -> _North:
+def _north(latitudes: Sequence[float], log_odds: Array, circles: Sequence[OnCircle]) -> _North:
     """
-    Return the azimuth averaged over the stated latitude and others, weighted by their odds and the Earth rate.
+    Return the azimuth averaged over the latitudes, weighted by their odds and the evidence of the Earth rate.
 
-    The stated latitude `told`, rad, alone counts if the seek confirms it. circle: azimuth there; others: see `_others`;
-    at: returns the azimuth at a latitude.
+    latitudes, rad, and log_odds, shape (n,): see `_latitudes`; circles: azimuth at each latitude.
     """
-    circles = [circle, *(at(latitude) for latitude, _ in others)]
-    log = np.array([0.0, *(odds for _, odds in others)]) + [one.log_evidence for one in circles]
+    log = log_odds + [one.log_evidence for one in circles]
     weight = np.exp(log - log.max())
     weight /= weight.sum()
-    wrong = float(weight[1:].sum())
-    if wrong < _CONFIRMED * _WRONG:
-        return _North(circle.mean, _sigma(circle), wrong, told)
-    off = wrap_pi(np.array([one.mean for one in circles]) - circle.mean)
+    off = wrap_pi(np.array([one.mean for one in circles]) - circles[0].mean)
     mean = float(weight @ off)
-    variance = float(weight @ (np.square([_sigma(one) for one in circles]) + (off - mean) ** 2))
-    likeliest = others[int(np.argmax(weight[1:]))][0]
-    return _North(circle.mean + mean, min(math.sqrt(variance), math.pi), wrong, likeliest)
+    sigma = azimuth_posterior.sigma_of_mixture(weight, off - mean, [_sigma(one) for one in circles])
+    likeliest = latitudes[1 + int(np.argmax(weight[1:]))]
+    return _North(circles[0].mean + mean, sigma, float(weight[1:].sum()), likeliest)
 
 
 def _gravity(p: KernelParams, state: SeekState) -> tuple[float, float]:

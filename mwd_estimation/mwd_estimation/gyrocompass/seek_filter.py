@@ -291,7 +291,7 @@ def advance(
             continue
         if verdict == track.AFTER_GAP:
             reset(s)
-            # The motion in the gap may have been another one.
+            # The tool may have moved differently during the gap, so forget the scatter.
             for j in range(3):
                 s.scatter[j] = 0.0
             continue

@@ -210,7 +210,7 @@ def _hold_axis(s: SeekState, work: SeekWork, share: float) -> None:
 @compiled
 def _hold_roll(s: SeekState, work: SeekWork, share: float) -> None:
     """
-    Update with the constant roll of a tool at rest; the first roll of each interval at rest is the reference.
+    Update the filter by the roll of a tool at rest, which stays as at the start of the interval at rest.
 
     share: as in `_hold`.
     """

@@ -17,7 +17,7 @@ from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
 
-# Selectable methods: all states of `north_seek`, or the fifteen of S1 (`static_ekf`).
+# Selectable methods: seek, the filter `north_seek`; s1, the filter `static_ekf` of paper S1 with 15 states.
 SEEK, S1 = "seek", "s1"
 # White noise if neither the parameters nor the tool give it (a tactical MEMS gyro), and smallest credible white noise,
 # deg/sqrt(h).
@@ -49,10 +49,10 @@ class SeekParams:
     #: Method at a station. seek estimates the biases from intervals at rest and half turns. s1 is the filter of S1, for
     #: a tool that never moves and a gyro with a small bias.
     method: str = SEEK
-    latitude_deg: float = 34.0  #: geodetic latitude, north positive, deg
-    #: Gravity at the latitude, m/s^2; None: normal gravity on the ellipsoid. A seek that measures another gravity shows
-    #: that the latitude is wrong.
-    gravity: float | None = None
+    latitude_deg: float = 34.0  #: geodetic latitude, north positive, deg; NaN: unknown, so that no seek is possible
+    #: Height above the ellipsoid, m. A seek that measures another gravity than that of latitude and height shows that
+    #: the latitude is wrong.
+    height_m: float = 0.0
     #: Motion of the tool during the seek. auto accepts any motion; every other mode refuses a different motion.
     mode: str = "auto"
     shortest: float = 30.0  #: shortest seek that gives an azimuth, s
@@ -104,9 +104,7 @@ TACTICAL = SeekParams(
 )
 
 
-def at_place(
-    unit: SeekParams, latitude_deg: float, gravity: float | None, noise_deg_rth: float | None = None
-) -> SeekParams:
+def with_noise(unit: SeekParams, noise_deg_rth: float | None = None) -> SeekParams:
     """
     Return the parameters of a seek that uses all three gyros of the precision unit.
 
@@ -115,9 +113,6 @@ def at_place(
     unit : SeekParams
         Figures of the precision unit. If its white noise is 0, or clearly smaller than the measured noise, the measured
         noise is used; if both are 0 or None, `TACTICAL_NOISE_DEG_RTH`.
-    latitude_deg : float
-    gravity : float or None
-        Gravity at the latitude, m/s^2; None: normal gravity on the ellipsoid.
     noise_deg_rth : float or None
         White noise measured at rest, deg/sqrt(h).
     """
@@ -125,13 +120,7 @@ def at_place(
     stated = unit.gyro_noise_deg_rth or measured or TACTICAL_NOISE_DEG_RTH
     # The stated noise is for all units of a type; use the noise of this unit if it is clearly larger.
     noise = measured if measured > _NOISIER * stated else stated
-    return dataclasses.replace(
-        unit,
-        latitude_deg=latitude_deg,
-        gravity=gravity,
-        gyro_noise_deg_rth=noise,
-        gyro_x_noise_deg_rth=noise,
-    )
+    return dataclasses.replace(unit, gyro_noise_deg_rth=noise, gyro_x_noise_deg_rth=noise)
 
 
 def kernel_params(params: SeekParams) -> KernelParams:
@@ -145,7 +134,7 @@ def kernel_params(params: SeekParams) -> KernelParams:
     return KernelParams(
         horizontal=horizontal,
         down=-EARTH_RATE * math.sin(latitude),
-        gravity=earth.gravity(latitude, 0.0) if params.gravity is None else params.gravity,
+        gravity=earth.gravity(latitude, params.height_m),
         coarse_seconds=0.5 * params.shortest,
         gyro_noise=params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR,
         gyro_x_noise=params.gyro_x_noise_deg_rth * DEG_PER_ROOT_HOUR,

@@ -26,10 +26,6 @@ _AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
 # Smallest share of the horizontal Earth rate that must be measured; it is small if the tool rotates about an axis near
 # horizontal east-west.
 _LEAST_SENSITIVITY = 0.17
-# Share of latitudes that are given with the wrong sign (a guess), and probability of a wrong sign above which north is
-# refused: twice this share. With a limit of 0.2, two of a hundred seeks with the wrong sign gave an azimuth, both
-# wrong.
-_WRONG_SIGN, _SIGN_DOUBTED = 0.01, 0.02
 # Probability of another latitude above which north is refused.
 _OTHER_SURE = 0.99
 # Limits in sigmas: Earth rate compared with the latitude's, and instrument errors compared with their
@@ -49,7 +45,6 @@ class Fit:
     sigma_there: float  #: 1 sigma of the azimuth if the latitude is right, rad
     sensitivity: float  #: share of the horizontal Earth rate that this method measures at this attitude, 0 to 1
     misfit: float  #: squared distance of the Earth rate from the latitude's, in sigmas
-    other_sign: float  #: log evidence of the latitude with the other sign, relative to that of the latitude
     #: `wrong`, `likeliest`: probability of all other latitudes together, and the most probable one of them, rad.
     wrong: float
     likeliest: float
@@ -146,18 +141,13 @@ def _attitude(fit: Fit) -> Reason | None:
 
 def _latitude(params: SeekParams, fit: Fit) -> Reason | None:
     """
-    Return the refusal if no plausible gyro error explains the Earth rate or another latitude fits better; or None.
+    Return the refusal if no plausible gyro error explains the Earth rate, or because of other latitudes; or None.
 
-    The Earth rate is compared with that of the given latitude, of the latitude with the other sign, and of other
-    latitudes.
+    Another latitude is nearly certain, or fits as well and gives another azimuth.
     """
     latitude = math.radians(params.latitude_deg)
     if fit.misfit > _MISFIT**2:
         return Reason(Code.LATITUDE_MISFIT, math.sqrt(fit.misfit), _MISFIT, (latitude,))
-    odds = _WRONG_SIGN / (1.0 - _WRONG_SIGN) * math.exp(min(fit.other_sign, 700.0))
-    wrong = odds / (1.0 + odds)
-    if wrong > _SIGN_DOUBTED:
-        return Reason(Code.LATITUDE_OTHER, wrong, _SIGN_DOUBTED, (latitude, -latitude))
     if fit.wrong > _OTHER_SURE or fit.sigma > WORST_SIGMA > fit.sigma_there:
         return Reason(Code.LATITUDE_OTHER, fit.wrong, _OTHER_SURE, (latitude, fit.likeliest))
     return None

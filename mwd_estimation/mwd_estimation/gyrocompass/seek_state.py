@@ -59,7 +59,7 @@ class KernelParams(NamedTuple):
 
     horizontal: float  #: horizontal Earth rate, rad/s
     down: float  #: vertical Earth rate, rad/s
-    gravity: float  #: gravity at the latitude, m/s^2, a value
+    gravity: float  #: normal gravity of the place, m/s^2, a value
     coarse_seconds: float  #: duration of the mean that starts S1's filter, s
     gyro_noise: float  #: white noise of the y and z gyros, rad/s/sqrt(Hz)
     gyro_x_noise: float  #: white noise of the x gyro, rad/s/sqrt(Hz)

@@ -18,7 +18,7 @@ from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import north_seek
 from mwd_estimation.gyrocompass.seek_filter import LEVEL_S
-from mwd_estimation.gyrocompass.seek_params import SeekParams, at_place, white_noise
+from mwd_estimation.gyrocompass.seek_params import SeekParams, white_noise, with_noise
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 
@@ -47,12 +47,8 @@ class NorthSession:
 
     Parameters
     ----------
-    params : SessionParams
     unit : SeekParams
-        Figures of the precision unit; latitude and gravity are set from the arguments below.
-    latitude_deg : float
-    gravity : float or None
-        Local gravity, m/s^2.
+        Figures of the precision unit, and the place.
     duration_s : float
         Duration, s; 0: the duration of `params`. A seek that begins again lasts longer, up to twice the duration.
     mode : str
@@ -68,8 +64,6 @@ class NorthSession:
         self,
         params: SessionParams,
         unit: SeekParams,
-        latitude_deg: float,
-        gravity: float | None,
         duration_s: float,
         mode: str,
     ) -> None:
@@ -82,8 +76,8 @@ class NorthSession:
         self._longest = 2.0 * self.duration
         self.elapsed = 0.0
         self._conventional = params
-        self._unit, self._latitude, self._gravity, self._mode = unit, latitude_deg, gravity, mode or "auto"
-        self._params = dataclasses.replace(at_place(unit, latitude_deg, gravity), mode=self._mode)
+        self._unit, self._mode = unit, mode or "auto"
+        self._params = dataclasses.replace(with_noise(unit), mode=self._mode)
         # The first bins are kept until the unit's noise has been measured from them.
         self._first: list[tuple[UnitSamples, tuple[Stamps, Array]]] | None = []
         self._range = math.radians(unit.gyro_range_dps)
@@ -138,7 +132,7 @@ class NorthSession:
         x_rates = np.concatenate([*(ahrs[1][:, 0] for _, ahrs in first), rates[:, 0]])
         fastest = float(np.nanmax(np.abs(x_rates)))
         noise = white_noise(stamps, rates, turning=fastest >= _AT_REST)
-        params = at_place(self._unit, self._latitude, self._gravity, noise)
+        params = with_noise(self._unit, noise)
         if fastest <= 0.9 * self._range:
             return params
         return dataclasses.replace(
@@ -157,7 +151,7 @@ class NorthSession:
         before = float(self._state.elapsed)
         north_seek.run(self._params, self._state, stamps, rates, values[:, 3:], clipped)
         if self._state.elapsed < before:
-            # The seek has begun again: it gets the time that it has lost.
+            # The seek has begun again: extend its duration by the time that was lost.
             self.duration = min(self.duration + before + LEVEL_S + _SETTLING_S, self._longest)
 
     def solution(self) -> Solution:

@@ -60,7 +60,7 @@ Error = StaticErrors()
 
 
 class StaticState:
-    """State of the filter of S1."""
+    """State of the static alignment filter (paper S1)."""
 
     clock: track.TrackClock  #: clock for `mwd_estimation.core.track.admit`
     aligned: bool  #: whether the coarse alignment is done

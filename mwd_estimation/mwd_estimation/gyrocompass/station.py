@@ -22,7 +22,7 @@ from mwd_estimation.gyrocompass import gyro_errors, north_seek
 from mwd_estimation.gyrocompass.gyro_errors import GyroErrors
 from mwd_estimation.gyrocompass.methods import NorthSeek, StaticSeek
 from mwd_estimation.gyrocompass.seek_filter import GAP_NS
-from mwd_estimation.gyrocompass.seek_params import S1, SeekParams, at_place, white_noise
+from mwd_estimation.gyrocompass.seek_params import S1, SeekParams, white_noise, with_noise
 from mwd_estimation.gyrocompass.seek_refusal import polar, too_short
 from mwd_estimation.gyrocompass.seek_state import SeekState
 from mwd_estimation.gyrocompass.solution import Solution
@@ -59,19 +59,14 @@ class GyroStation:
     Parameters
     ----------
     unit : SeekParams
-        Figures of the precision unit; latitude and gravity are set from the arguments below.
-    latitude_deg : float or None
-        Latitude; None if unknown, which disables the seek.
-    gravity : float or None
-        Local gravity, m/s^2.
+        Figures of the precision unit, and the place.
     """
 
-    def __init__(self, unit: SeekParams, latitude_deg: float | None, gravity: float | None) -> None:
+    def __init__(self, unit: SeekParams) -> None:
         self.unit = unit
-        self.params = None if latitude_deg is None else at_place(unit, latitude_deg, gravity)
+        self.params = None if math.isnan(unit.latitude_deg) else with_noise(unit)
         self._has_samples = False
         self._refusal: Reason | None = None
-        self._gravity = gravity
         self._seek: NorthSeek | StaticSeek | None = None
         self._axis = math.nan
         self._began_ns = 0
@@ -125,20 +120,20 @@ class GyroStation:
             self._rest = [*self._rest, (stamps, values)][-_REST_BINS:] if still else []
             if still and settled:
                 self._began_ns = int(stamps[0]) if len(stamps) else self._last_ns or 0
-                self._seek = self._begin(self.params, self._began_ns)
+                self._seek = self._begin(self._began_ns)
                 self._axis, self._turned_s = float(imu.mean[_ACCEL_X]), 0.0
         if self._seek is not None and len(stamps):
             self._seek.run(samples)
             if still and isinstance(self._seek, NorthSeek) and self._seek.elapsed >= self.params.shortest:
                 self._found = _Found(self._seek.state.copy(), self._seek.errors, self._taught, int(stamps[-1]))
 
-    def _begin(self, params: SeekParams, first_ns: int) -> NorthSeek | StaticSeek:
+    def _begin(self, first_ns: int) -> NorthSeek | StaticSeek:
         self._waited = (-math.inf, None)
         noise = white_noise(
             np.concatenate([stamps for stamps, _ in self._rest]),
             np.concatenate([values[:, :3] for _, values in self._rest]),
         )
-        self.params = at_place(self.unit, params.latitude_deg, self._gravity, noise)
+        self.params = with_noise(self.unit, noise)
         if self.unit.method == S1:
             return StaticSeek(self.params)
         found = self._found

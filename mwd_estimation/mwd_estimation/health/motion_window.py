@@ -105,7 +105,9 @@ class Consistency(NamedTuple):
     #: `length`, `sigmas`: largest relative error of the length of gravity is `length` plus `sigmas` times its noise.
     length: float = 0.02
     sigmas: float = 2.5
-    field: float = 0.9  #: smallest squared length of the mean carried field, as a share of the mean squared field
+    #: Smallest squared length of the mean field, rotated to the start of the window, as a share of the mean squared
+    #: field.
+    field: float = 0.9
     dip: float = 0.2  #: largest difference of the dip from the reference, rad
 
 

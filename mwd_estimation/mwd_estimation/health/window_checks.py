@@ -105,9 +105,6 @@ class WindowJudge:
 
     Parameters
     ----------
-    limits : WindowLimits
-    expected : ExpectedField
-    window : Window
     samples : ndarray of int64, shape (3,)
         State of each sensor's samples: WHOLE, CLIPPED or BROKEN.
     checks : ndarray

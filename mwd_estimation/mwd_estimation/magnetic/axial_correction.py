@@ -164,9 +164,11 @@ class _Peaks:
     """
     The two most probable azimuths of n stations; arrays of shape (n,), angles in rad.
 
-    azimuth, other : most probable and second azimuth. apart : difference between them. cost, cost_other : their values
-    of `_FitStations.cost`; `cost_other` is infinite for a station with only one azimuth. angles, density : azimuths of
-    a grid over the circle, shape (m,), and their probabilities, shape (n, m).
+    azimuth, other : most probable and second azimuth.
+    apart : difference between them.
+    cost, cost_other : their values of `_FitStations.cost`; `cost_other` is infinite for a station with only one
+    azimuth.
+    angles, density : azimuths of a grid over the circle, shape (m,), and their probabilities, shape (n, m).
     """
 
     azimuth: Array

@@ -60,8 +60,6 @@ def initial(
 
     Parameters
     ----------
-    params : InterferenceParams
-    reference : Reference
     errors : SensorErrors
         Sensor part of the priors: magnetometer bias (added in squares) and scale error.
     axial : tuple of float
@@ -99,10 +97,8 @@ def run(p: InterferenceParams, state: Samples, samples: FieldSamples) -> Samples
 
     Parameters
     ----------
-    p : InterferenceParams
     state : ndarray, shape (1,)
         State from `initial`, changed in place; the result does not depend on how the samples are cut into blocks.
-    samples : FieldSamples
 
     Returns
     -------
@@ -121,7 +117,6 @@ def aid_azimuth(p: InterferenceParams, state: Samples, g_t: Array, b_t: Array, a
 
     Parameters
     ----------
-    p : InterferenceParams
     state : ndarray, shape (1,)
         State, changed in place unless the azimuth is rejected.
     g_t, b_t : ndarray, shape (3,)

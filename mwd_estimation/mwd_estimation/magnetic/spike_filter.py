@@ -19,7 +19,7 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
 _MEMORY = 9  # number of samples in the median
-_MIN_JUMP = 3e-6  # T; a smaller jump is never a spike
+_MIN_JUMP = 3e-6  # smallest jump that can be a spike, T
 _SPREADS = 8.0  # limit as a multiple of the median absolute deviation from the median
 _GAP_NS = 10_000_000_000  # data gap after which the filter restarts, ns
 

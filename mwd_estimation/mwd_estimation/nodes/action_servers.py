@@ -16,7 +16,7 @@ from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_sensors.ros.deferred import DeferredGoal
 
-FEEDBACK_PERIOD = 0.5  # s, interval between feedback messages
+FEEDBACK_PERIOD = 0.5  # interval between feedback messages, s
 
 
 class EstimatorActions:

@@ -53,8 +53,9 @@ from mwd_estimation.survey.survey import STATIC
 from mwd_sensors.core import frames, wire
 from mwd_sensors.core.arrays import Indices, Samples, Stamps
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.unknown import or_none
 from mwd_sensors.ros import qos
-from mwd_sensors.ros.deferred import DeferredResponse
+from mwd_sensors.ros.deferred import DeferredResponse, answering
 from mwd_sensors.ros.diagnostics import ERROR, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.messages import make, unknown
@@ -63,16 +64,19 @@ from mwd_sensors.ros.time_stamps import stamp
 
 # Topics of the other streams, whose samples are processed together with those of the conventional unit.
 _BESIDE = ("imu/mag", "gyro/data_raw", "imu/temperature")
-_BLOCK_PERIOD = 0.002  # s; longest time for which samples wait before they are processed together
-_INNOVATIONS_PERIOD = 1.0  # s; interval between messages of innovations and of used samples
-_SILENCE_PERIOD = 1.0  # s; interval between checks whether the samples have stopped
+_BLOCK_PERIOD = 0.002  # longest time for which samples wait before they are processed together, s
+_INNOVATIONS_PERIOD = 1.0  # interval between messages of innovations and of used samples, s
+_SILENCE_PERIOD = 1.0  # interval between checks whether the samples have stopped, s
 _FIELD = ("total", "dip", "declination", "convergence", "gravity", "source")
-_TF_PERIOD_NS = 50_000_000  # ns; shortest interval between transforms on /tf
-_LATELY_S = 10.0  # s; time without unused samples after which the warning about unused samples ends
+_TF_PERIOD_NS = 50_000_000  # shortest interval between transforms on /tf, ns
+_LATELY_S = 10.0  # time without unused samples after which the warning about unused samples ends, s
 
 
 class EstimatorNode(GraphNode[EstimatorSettings]):
     """Node that subscribes to the topics of the sonde, never to simulated truth, and publishes attitude and surveys."""
+
+    # Every block except the choice of the gravity method.
+    changeable = ("tool.", "place.", "survey.", "verdict.", "gravity.expert.", "attitude.", "dynamics.", "transmit.")
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("estimator", EstimatorSettings(), **node_options)
@@ -108,6 +112,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._operator_events = self.add_publisher(OperatorEvent, "operator_events", qos.STATE)
         self._used_samples = self.add_publisher(UsedSamples, "used_samples", qos.STATE)
         self._used = SampleCounts()
+        self._last_imu_ns = 0  # stamp of the last IMU sample in the pipeline's time, ns; 0 before the first sample
         self._gate = RecordingGate(self)
         self._tf = self.add_publisher(TFMessage, "/tf", qos.STATE)
         self._transmission = TransmissionPublisher(self, self.settings.transmit)
@@ -189,6 +194,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._used.take("imu/data_raw", imu)
             imu = pipeline.gate.imu(imu)
             output = pipeline.push_imu(imu)
+            self._last_imu_ns = pipeline.last_imu_ns
             self._publish(imu, output, self._logs.take(output, self._frame))
 
     @property
@@ -254,9 +260,9 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._innovations.publish(innovation_message(pipeline.innovations, pipeline.last_imu_ns, self._frame))
 
     def _publish_used_samples(self) -> None:
-        if self._used.newest_ns:
+        if self._last_imu_ns:
             message = UsedSamples(topics=self._used.messages(self.resolve_topic_name))
-            message.header.stamp, message.header.frame_id = stamp(self._used.newest_ns), self._frame
+            message.header.stamp, message.header.frame_id = stamp(self._last_imu_ns), self._frame
             self._used_samples.publish(message)
 
     def _tell(self, kind: int, *, success: bool = True, **fields: Any) -> None:
@@ -266,7 +272,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         kind, success, fields: fields of mwd_msgs/msg/OperatorEvent.
         """
         event = unknown(OperatorEvent, kind=kind, success=success, **fields)
-        event.header.stamp = stamp(self._used.newest_ns)
+        event.header.stamp = stamp(self._last_imu_ns)
         self._operator_events.publish(event)
 
     def _publish_survey(self, survey: DecidedSurvey, frame: str) -> tuple[SurveyMessage, str]:
@@ -314,19 +320,17 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._tell(OperatorEvent.TAKE_SURVEY, success=started, message=words, duration=request.duration)
         return answer
 
-    def _started_survey(self, request: Any, response: Any) -> Any:
-        """Start the requested survey and return a deferred response; otherwise return a response with the reason."""
+    @answering
+    def _started_survey(self, request: Any, _response: Any) -> DeferredResponse:
+        """Start the requested survey; its response is sent when the survey is taken."""
         if self._survey_response is not None:
-            response.success, response.message = False, "a survey is already being taken"
-            return response
+            raise ValueError("a survey is already being taken")
         if self._inputs.silent("imu/data_raw"):
-            response.success, response.message = False, "no survey taken: no samples arrive from the sonde"
-            return response
+            raise ValueError("no survey taken: no samples arrive from the sonde")
         try:
             self._pipeline.request_survey(request.duration)
         except ValueError as error:
-            response.success, response.message = False, f"no survey taken: {error}"
-            return response
+            raise ValueError(f"no survey taken: {error}") from error
         self._survey_response = DeferredResponse()
         self._requested_s = request.duration or self.settings.survey.duration_s
         return self._survey_response
@@ -343,34 +347,29 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._tell(OperatorEvent.SET_REFERENCE_FIELD, success=response.success, message=response.message, **field)
         return response
 
-    def _used_reference(self, request: Any, response: Any) -> Any:
+    @answering
+    def _used_reference(self, request: Any, _response: Any) -> str:
         if not request.source.strip():
-            response.success, response.message = False, "source: must name where the field comes from"
-            return response
-        try:
-            reference = Reference(
-                total=request.total,
-                dip=request.dip,
-                declination=request.declination,
-                convergence=request.convergence,
-                gravity=request.gravity if request.gravity > 0.0 else None,
-                source=request.source,
-            )
-        except ValueError as error:
-            response.success, response.message = False, str(error)
-            return response
+            raise ValueError("source: must name where the field comes from")
+        reference = Reference(
+            total=request.total,
+            dip=request.dip,
+            declination=request.declination,
+            convergence=request.convergence,
+            gravity=or_none(request.gravity) or None,  # 0: a client left it out
+            source=request.source,
+        )
         self._pipeline.set_reference(reference)
-        response.success, response.message = True, f"reference field from {request.source}"
-        self.get_logger().info(printable(response.message))
-        return response
+        self.get_logger().info(printable(f"reference field from {request.source}"))
+        return f"reference field from {request.source}"
 
-    def _reset_estimator(self, _request: Any, response: Any) -> Any:
+    @answering
+    def _reset_estimator(self, _request: Any, _response: Any) -> str:
         self._actions.abort("the estimator was reset")
         self._tell(OperatorEvent.RESET_ESTIMATOR)
         self._pipeline.reset()
         self._respond(False, "no survey taken: the estimator was reset", 0)
-        response.success, response.message = True, "the estimate starts anew"
-        return response
+        return "the estimate starts anew"
 
     # Diagnostics.
 
@@ -427,11 +426,6 @@ class SampleCounts:
         low, high = int(stamps.min()), int(stamps.max())
         first, last, count = self._counts.get(topic, (low, high, 0))
         self._counts[topic] = min(first, low), max(last, high), count + len(samples)
-
-    @property
-    def newest_ns(self) -> int:
-        """Newest stamp of the IMU, ns; 0 before the first sample."""
-        return self._counts.get("imu/data_raw", (0, 0, 0))[1]
 
     def messages(self, full_name: Callable[[str], str]) -> list[SampleCount]:
         """Return the counts as messages; full_name resolves the name of a topic."""

@@ -34,9 +34,9 @@ _SKEW_S, _SKEWED = 1.0, 5
 # random steps have 0.25.
 _UNEVEN = 0.1
 _TIMED = ("imu/mag", "gyro/data_raw")  # topics whose samples are paired with those of the IMU
-TIMEOUT_S = 2.0  # s; time without a message after which a topic counts as silent
-_FULL_S = 10.0  # s; time for which a full queue is reported
-_FOREIGN_S = 5.0  # s; time for which a message in another frame or a second copy of a sample is reported
+TIMEOUT_S = 2.0  # time without a message after which a topic counts as silent, s
+_FULL_S = 10.0  # time for which a full queue is reported, s
+_FOREIGN_S = 5.0  # time for which a message in another frame or a second copy of a sample is reported, s
 
 _TYPES = {
     "imu/mag": MagneticField,

@@ -22,7 +22,8 @@ _RATE = 100.0  # sample rate, Hz
 # Durations of the parts, s: constant samples, so that a fault is found; a turning tool; a tool at rest, long enough for
 # the shortest survey.
 _CONSTANT_S, _TURNING_S, _STILL_S = 5.0, 2.0, 6.0
-_NOISE = {"linear_acceleration": 5e-3, "angular_velocity": 1e-3, "magnetic_field": 5e-8}  # 1 sigma, m/s^2, rad/s, T
+# 1 sigma of the samples, m/s^2, rad/s, T.
+_NOISE = {"linear_acceleration": 5e-3, "angular_velocity": 1e-3, "magnetic_field": 5e-8}
 
 
 def warm_up(settings: EstimatorSettings) -> None:

@@ -79,7 +79,7 @@ class SideStreams:
         for name, bins in self._closed.items():
             self._keep(name, self._binners[name].flush((imu.index + 1) * BIN_NS))
             found[name] = bins.pop(imu.index, None)
-            # Delete older bins; the bins of a stream are stored in order.
+            # Delete the bins before this bin; the bins of a stream are stored in order.
             while bins and next(iter(bins)) < imu.index:
                 del bins[next(iter(bins))]
         return BinSet(imu, found["mag"], found["precision"], found["temperature"])
@@ -189,7 +189,7 @@ class BinStage:
             bins.models.append((place, self._field.in_force))
 
     def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:
-        """Begin and return the survey of an interval at rest; if it is sound, use its field from here on."""
+        """Begin and return the survey of an interval at rest; if sound, it updates the field model of later samples."""
         number = self._numbering.next()
         reference, turning = self._reference(still), self.turning.found
         taken = self.decision.begin(still, number, reference, found, turning, usable=self._sensors_usable)

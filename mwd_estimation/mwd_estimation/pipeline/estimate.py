@@ -50,7 +50,7 @@ from mwd_estimation.survey.static_survey import BIN_NS, Refusal
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Array, Samples
 
-_WEAKEST = 1e-9  # T; a magnetic sample is a measurement only if at least one component is larger
+_WEAKEST = 1e-9  # a magnetic sample is a measurement only if at least one component is larger, T
 # Number of samples in a row whose stamps are not later than the newest one, after which the stamps count as stopped. It
 # is more than the samples of a fast unit in a second, because single stamps may be wrong by a second
 # (`time_jumps.BACK_NS`).
@@ -85,9 +85,9 @@ class Estimate:
     """
     State from one start of the estimate to the next.
 
-    reference : reference that replaces the reference of the settings, or None. mat_tu : rotation from the axes of the
-    unit to tool axes; the samples are in tool axes already. mag_late_ns : initial delay of the magnetometer's stamps,
-    ns; rotation of the string corrects it later.
+    reference : reference that replaces the reference of the settings, or None.
+    mat_tu : rotation from the axes of the unit to tool axes; the samples are in tool axes already.
+    mag_late_ns : initial delay of the magnetometer's stamps, ns; rotation of the string corrects it later.
     """
 
     def __init__(
@@ -145,13 +145,8 @@ class Estimate:
         self._ready = True
         self._attitude.set_reference(self.field.reference)
         self.watch.set_reference(self.field.reference)
-        self._use_gravity(self.local_gravity, self._gravity.mag)
-        self.bin_stage.precision.begin(self.settings.place.lat_deg, self.local_gravity)
-
-    @property
-    def local_gravity(self) -> float | None:
-        """Local gravity, m/s^2; None if not known."""
-        return self.field.reference.gravity if self.field.reference is not None else None
+        reference = self.field.reference
+        self._use_gravity(None if reference is None else reference.gravity, self._gravity.mag)
 
     @property
     def innovations(self) -> list[Innovation]:

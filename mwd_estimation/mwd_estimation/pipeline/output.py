@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -41,17 +42,9 @@ class Output:
 
     def joined(self, later: Output) -> Output:
         """Return this output with the later output `later` appended."""
-        return Output(
-            np.concatenate([self.attitude, later.attitude]),
-            np.concatenate([self.gravity, later.gravity]),
-            np.concatenate([self.interference, later.interference]),
-            np.concatenate([self.dynamics, later.dynamics]),
-            self.surveys + later.surveys,
-            self.refusals + later.refusals,
-            self.health + later.health,
-            self.north + later.north,
-            self.rotary + later.rotary,
-        )
+        pairs = zip(vars(self).values(), vars(later).values(), strict=True)
+        joined: list[Any] = [one + two if isinstance(one, list) else np.concatenate([one, two]) for one, two in pairs]
+        return Output(*joined)
 
 
 @dataclasses.dataclass

@@ -47,7 +47,6 @@ class Pipeline:
 
     Parameters
     ----------
-    settings : EstimatorSettings
     reference : Reference, optional
         Reference that replaces the reference of the settings, such as a field measured before the run.
     mount : Mount, optional
@@ -267,7 +266,7 @@ class Pipeline:
 
         The result is in `Output.north`.
         """
-        self.requests.start_north(duration_s, mode, self._estimate.local_gravity)
+        self.requests.start_north(duration_s, mode)
 
     @property
     def requests(self) -> Requests:

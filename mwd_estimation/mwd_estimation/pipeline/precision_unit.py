@@ -39,9 +39,8 @@ class PrecisionUnitStage:
     def __init__(self, settings: EstimatorSettings) -> None:
         self._settle_ns = settings.survey.settle_s * 1e9
         self._health = PrecisionHealth(derivation.precision_gyro_bias(settings))
-        self._params = derivation.gyrocompass_params(settings)
         self._gyro_range = derivation.health_params(settings).gyro_range
-        self.station = GyroStation(self._params, None, None)
+        self.station = GyroStation(derivation.gyrocompass_params(settings))
         self._stamps = np.zeros(0, dtype=np.int64)
         self._values = np.zeros((0, 6))
         self._clipped = np.zeros(0, dtype=np.uint8)
@@ -59,10 +58,6 @@ class PrecisionUnitStage:
         unknown = (self._clipped & ~np.uint8(clip_flags.ACCEL) != 0) | self._doubted
         rates = self._values[:, :3]
         return self._stamps, np.where(unknown[:, None], np.nan, rates) if unknown.any() else rates
-
-    def begin(self, latitude_deg: float | None, gravity: float | None) -> None:
-        """Seek north from now on with this latitude, deg (None: no seek), and local gravity, m/s^2 (None: normal)."""
-        self.station = GyroStation(self._params, latitude_deg, gravity)
 
     def take(self, stamps: Stamps, values: Array, clipped: NDArray[np.uint8]) -> None:
         """
@@ -103,7 +98,9 @@ class PrecisionUnitStage:
 
         If the unit is faulty, the rates and accelerations of its samples become NaN; otherwise the samples are used for
         the north seek at the station.
-        imu : bin of the conventional unit. still_bins : number of bins for which the tool has been still.
+
+        imu : bin of the conventional unit.
+        still_bins : number of bins for which the tool has been still.
         """
         end_ns = (imu.index + 1) * BIN_NS
         # Pass samples by bins, not by blocks, so that the seek gets the same samples however the stream is cut.

@@ -33,25 +33,23 @@ class Requests:
         # Rates of the conventional unit since the north seek was requested.
         self._rates = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
 
-    def start_north(self, duration_s: float, mode: str, gravity: float | None) -> None:
+    def start_north(self, duration_s: float, mode: str) -> None:
         """
         Start a north seek.
 
-        duration_s: duration, s, 0 for the default; mode: see `NorthSession`; gravity: local gravity, m/s^2, None if
-        unknown.
+        duration_s: duration, s, 0 for the default; mode: see `NorthSession`.
 
         Raises
         ------
         ValueError
             If the request cannot be carried out, a seek is running already, or the latitude is unknown.
         """
-        latitude = self._settings.place.lat_deg
         if self._north is not None:
             raise ValueError("north is already being sought")
-        if latitude is None:
+        if self._settings.place.lat_deg is None:
             raise ValueError("the latitude is not known: set place.lat_deg and place.lon_deg")
         params, unit = derivation.north_params(self._settings), derivation.gyrocompass_params(self._settings)
-        self._north = NorthSession(params, unit, latitude, gravity, _bounded(duration_s), mode)
+        self._north = NorthSession(params, unit, _bounded(duration_s), mode)
         self._rates = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
 
     def cancel_north(self) -> None:

@@ -63,7 +63,7 @@ class SensorWatch:
         self._contaminated = self._drifted = False
         # For each sensor and half second: stamp, ns, of the first sample that was declared not provided.
         self._declared_ns: dict[int, dict[int, int]] = {}
-        # Stamp, ns, of the first magnetic sample that was used since the azimuth was last free of wrong values.
+        # Stamp, ns, of the first magnetic sample used since the azimuth has contained no wrong values of a sensor.
         self._mag_since_ns = np.iinfo(np.int64).max
 
     @property

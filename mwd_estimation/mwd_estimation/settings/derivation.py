@@ -20,7 +20,7 @@ from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_state, time_
 from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.input_gate import Ranges
-from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.reference_field import LOCAL_GRAVITY, Reference
 from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.methods import method
 from mwd_estimation.gyrocompass.seek_params import TACTICAL, TACTICAL_NOISE_DEG_RTH, SeekParams
@@ -56,14 +56,12 @@ _REST_RATE = 0.01
 # non_magnetic: AMIL of the tool code; short: poles of 1000 uWb about 7 m away; steel: steel pipe around the
 # magnetometer.
 _STRINGS_NT = {"non_magnetic": (220.0, 0.0), "short": (1500.0, 0.0), "steel": (3000.0, 1000.0)}
-# Probability that steel pipe has another field at a station than at the other stations of the run, so that the measured
-# field is rotated with unchanged total and dip: in the field case of S1 this happened at each station of table 2, by 18
-# to 23 deg, and at no station of table 1.
+# Probability that the field of steel pipe at a station differs from that at the other stations of the run, and rotates
+# the measured field without changing its total and dip. In the field case of S1 this happened at each station of table
+# 2, by 18 to 23 deg, and at no station of table 1.
 _OF_STEEL = 0.3
 # 1 sigma of noise, scale error and soft iron of a magnetometer across the axis, nT: 0.1 to 0.2 % of the Earth's field.
 _MAG_SCATTER_NT = 100.0
-# 1 sigma of the difference of local gravity from the normal gravity of a place, from anomalies and tool depth, m/s^2.
-_LOCAL_GRAVITY = 0.002
 
 
 def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
@@ -100,7 +98,7 @@ def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
     bias_ug, scale_ppm, misalignment_mrad = accelerometer_figures(tool)
     derived = {
         "gravity": gravity or STANDARD_GRAVITY,
-        "gravity_sigma": _LOCAL_GRAVITY if gravity else getattr(default, "gravity_sigma", 0.0),
+        "gravity_sigma": LOCAL_GRAVITY if gravity else getattr(default, "gravity_sigma", 0.0),
         "gyro_range": math.radians(min(tool.gyro.range_deg_s)),
         "accel_range": min(tool.accelerometer.range_g) * STANDARD_GRAVITY,
         "coning": 0.0 if tool.samples == "integrated" else 1.0,
@@ -230,10 +228,12 @@ def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.GyroA
 
 def gyrocompass_params(settings: EstimatorSettings) -> SeekParams:
     """Return the parameters of the gyro azimuth of a station."""
-    gyro = settings.tool.precision.gyro
+    gyro, latitude_deg = settings.tool.precision.gyro, settings.place.lat_deg
     return dataclasses.replace(
         TACTICAL,
         method=settings.survey.gyro_method,
+        latitude_deg=math.nan if latitude_deg is None else latitude_deg,
+        height_m=settings.place.height_m,
         gyro_noise_deg_rth=gyro.noise_deg_sqrt_h,
         gyro_bias_deg_h=gyro.bias_deg_h,
         gyro_x_bias_deg_h=gyro.bias_deg_h,
@@ -316,7 +316,7 @@ def with_code(settings: EstimatorSettings, found: Reference) -> Reference:
             "give the field of the IFR certificate (place.field fixed), or choose a code with SRGM, HRGM (HDGM) or "
             "LRGM (WMM, IGRF)"
         )
-    # Keep the sigmas of a certificate for this place; those of the tool code apply to all places.
+    # Keep the sigmas that a certificate states for this place; those of the tool code apply to all places.
     return found if place.source else tool_code.reference_for(code, found)
 
 

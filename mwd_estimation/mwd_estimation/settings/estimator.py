@@ -47,7 +47,6 @@ class Gravity:
         + "; ".join(f"{one.name}: {one.doc}" for one in gravity.METHODS.values())
         + ".",
         choices=tuple(gravity.METHODS),
-        fixed=True,
     )
     expert: Any = setting(None, "Parameters of the selected method.", expert=True)
 
@@ -73,7 +72,6 @@ class Attitude:
         3.0,
         "Inclination below which azimuth and high side are not given; they are given again one degree above it. "
         "Lowering it gives azimuths of little use near the vertical.",
-        unit="deg",
         low=0.5,
         high=20.0,
         expert=True,
@@ -82,7 +80,6 @@ class Attitude:
         5.0,
         "Time without rotation after which a toolface can be used for steering. Raising it delays the first toolface "
         "of a slide; lowering it may release toolfaces of a string that only sticks and will turn again.",
-        unit="s",
         low=0.0,
         high=120.0,
     )

@@ -34,7 +34,7 @@ class Mahony:
 
 @dataclass(frozen=True)
 class FuzzyMahony(Mahony):
-    """Parameters of the filter of S3, whose proportional gain comes from a fuzzy table."""
+    """Parameters of the filter of paper S3, whose proportional gain comes from a fuzzy table."""
 
     k_p_least: float = setting(
         0.01,

@@ -44,20 +44,12 @@ class Place:
         None,
         "Latitude, WGS 84, north positive. The gyro azimuth also needs the latitude, and with a fixed field gravity is "
         "computed from the latitude. nan: not given.",
-        unit="deg",
         low=-90.0,
         high=90.0,
     )
-    lon_deg: float | None = setting(
-        None, "Longitude, WGS 84, east positive. nan: not given.", unit="deg", low=-180.0, high=360.0
-    )
+    lon_deg: float | None = setting(None, "Longitude, WGS 84, east positive. nan: not given.", low=-180.0, high=360.0)
     height_m: float = setting(
-        0.0,
-        "Height above the ellipsoid. 1000 m change the field by 0.05 %.",
-        unit="m",
-        low=-12000.0,
-        high=9000.0,
-        expert=True,
+        0.0, "Height above the ellipsoid. 1000 m change the field by 0.05 %.", low=-12000.0, high=9000.0, expert=True
     )
     grid: str = setting(
         "none",
@@ -67,24 +59,15 @@ class Place:
     )
     date: str = setting("", "Date for the field model, YYYY-MM-DD; empty: the day of the first sample.", expert=True)
     total_nt: float = setting(
-        0.0,
-        "Total strength of the fixed field; dip_deg must then also be set. 0: not given.",
-        unit="nT",
-        low=0.0,
-        high=75000.0,
+        0.0, "Total strength of the fixed field; dip_deg must then also be set. 0: not given.", low=0.0, high=75000.0
     )
     dip_deg: float | None = setting(
-        None,
-        "Dip of the fixed field, positive below the horizontal; nan: not given.",
-        unit="deg",
-        low=-90.0,
-        high=90.0,
+        None, "Dip of the fixed field, positive below the horizontal; nan: not given.", low=-90.0, high=90.0
     )
     declination_deg: float | None = setting(
         None,
         "Declination of the fixed field: the angle from true north to magnetic north, east positive. nan: not given, "
         "azimuths stay magnetic.",
-        unit="deg",
         low=-180.0,
         high=180.0,
     )
@@ -107,7 +90,6 @@ class Place:
         None,
         "Grid convergence at the fixed field: the angle from true north to grid north, east positive. nan: no grid is "
         "given.",
-        unit="deg",
         low=-180.0,
         high=180.0,
         expert=True,
@@ -164,10 +146,7 @@ def _check_with_place(place: Place, first_ns: int) -> None:
     without a longitude only the sign of the dip. A wrong declination makes surveys wrong by the same angle, and no
     measurement in the hole shows the error.
 
-    Raises
-    ------
-    SettingsError
-        If dip or declination are impossible; the message names the value at the position.
+    Raises SettingsError if dip or declination are impossible; the message names the value at the position.
     """
     lat, dip = place.lat_deg, place.dip_deg
     if lat is None or dip is None:

@@ -27,7 +27,6 @@ def with_noise(settings: EstimatorSettings, stated: Mapping[str, StatedNoise]) -
 
     Parameters
     ----------
-    settings : EstimatorSettings
     stated : mapping
         Noise of each vector of the messages, by field name, from `input_covariance.NoiseWatch`.
 

@@ -23,7 +23,6 @@ class Gyro:
         (2000.0, 2000.0, 2000.0),
         "Largest rate that each axis can measure; the smallest of the three values is used. If set too large, clipped "
         "rates are taken for true ones; if too small, fast turning counts as clipped. From the data sheet.",
-        unit="deg/s",
         low=0.1,
         high=2e6,
     )
@@ -31,7 +30,6 @@ class Gyro:
         0.42,
         "White noise (angle random walk). Raising it widens the sigma of a gyro-propagated azimuth. From the data "
         "sheet, or from `mwd plot --what allan`.",
-        unit="deg/sqrt(h)",
         low=0.0,
         high=100.0,
         expert=True,
@@ -40,7 +38,6 @@ class Gyro:
         400.0,
         "Bias that remains after calibration, 1 sigma. Raising it slows the convergence of the gyro-propagated "
         "azimuth. From the data sheet (turn-on bias).",
-        unit="deg/h",
         low=0.0,
         high=1e5,
         expert=True,
@@ -50,7 +47,6 @@ class Gyro:
         "Share of the rate about the tool axis that the cross axes read, 1 sigma. Raising it widens the sigma of "
         "inclination and azimuth in a turning string until the misalignment is estimated. 0.3 is usual after a "
         "calibration, 1 without.",
-        unit="mrad",
         low=0.0,
         high=100.0,
         expert=True,
@@ -58,7 +54,6 @@ class Gyro:
     g_deg_h_g: float = setting(
         3.6,
         "Sensitivity of the rate to specific force, 1 sigma. Raising it widens the sigma of a gyro-propagated azimuth.",
-        unit="deg/h/g",
         low=0.0,
         high=1e4,
         expert=True,
@@ -73,7 +68,6 @@ class Accelerometer:
         (16.0, 16.0, 16.0),
         "Largest force that each axis can measure; the smallest of the three values is used. If set too large, clipped "
         "shocks bias the estimate; if too small, ordinary vibration counts as clipped. From the data sheet.",
-        unit="g",
         low=0.1,
         high=2e5,
     )
@@ -82,7 +76,6 @@ class Accelerometer:
         "Bias of each axis that calibration leaves, 1 sigma. Raising it widens the sigma of inclination and toolface "
         "of every sample, and the acceptance limits of surveys. The default is the ISCWSA MWD tool code's (0.004 "
         "m/s^2); a calibration certificate may state less; a new unit without calibration has about 3000.",
-        unit="ug",
         low=0.0,
         high=1e5,
         expert=True,
@@ -91,7 +84,6 @@ class Accelerometer:
         10.0,
         "Growth of the bias beyond the temperatures of calibration, 1 sigma. Raising it widens the sigmas of surveys "
         "there. From calibrations at several temperatures.",
-        unit="ug/degC",
         low=0.0,
         high=1e4,
         expert=True,
@@ -100,7 +92,6 @@ class Accelerometer:
         500.0,
         "Scale error of each axis that calibration leaves, 1 sigma. Raising it widens the sigmas and limits of "
         "surveys. The default is the ISCWSA MWD tool code's.",
-        unit="ppm",
         low=0.0,
         high=1e5,
         expert=True,
@@ -114,7 +105,6 @@ class Accelerometer:
         "this value is the angle by which the accelerometers may be rotated in their mount: it widens the sigmas of "
         "inclination and azimuth, and above about 5 mrad the first stations are doubtful until rotation of the "
         "string, or stations at other toolfaces, show the mount.",
-        unit="mrad",
         low=0.0,
         high=500.0,
         expert=True,
@@ -137,9 +127,8 @@ class Magnetometer:
     )
     range_ut: float = setting(
         800.0,
-        "Largest field that an axis can measure; 0: not known. If set too large, saturation is not detected. From the "
+        "Largest field that an axis can measure; 0: not known. If set too large, saturation is not detected. See the "
         "data sheet.",
-        unit="uT",
         low=0.0,
         high=1e6,
         expert=True,
@@ -148,7 +137,6 @@ class Magnetometer:
         70.0,
         "Bias of each axis that calibration leaves, 1 sigma. Raising it widens the sigmas and acceptance limits of "
         "surveys. The default is the ISCWSA MWD tool code's.",
-        unit="nT",
         low=0.0,
         high=10000.0,
         expert=True,
@@ -157,7 +145,6 @@ class Magnetometer:
         1.0,
         "Growth of the bias beyond the temperatures of calibration, 1 sigma. Raising it widens the sigmas of surveys "
         "there. From calibrations at several temperatures.",
-        unit="nT/degC",
         low=0.0,
         high=1e3,
         expert=True,
@@ -166,7 +153,6 @@ class Magnetometer:
         1600.0,
         "Scale error of each axis that calibration leaves, 1 sigma. Raising it widens the sigmas and limits of "
         "surveys. The default is the ISCWSA MWD tool code's.",
-        unit="ppm",
         low=0.0,
         high=1e5,
         expert=True,
@@ -176,7 +162,6 @@ class Magnetometer:
         "Time after its stamp at which a magnetic sample is used; samples that arrive later are counted and not used. "
         "Raising it delays the azimuth by the same time. Raise it if `mwd process` or the diagnostics count late "
         "samples.",
-        unit="s",
         low=0.0,
         high=0.2,
         expert=True,
@@ -191,7 +176,6 @@ class PrecisionGyro:
         (100.0, 100.0, 100.0),
         "Largest rate that each axis can measure; the smallest of the three values is used. If set too large, clipped "
         "rates bias the gyro azimuth. From the data sheet.",
-        unit="deg/s",
         low=0.1,
         high=2e6,
         expert=True,
@@ -200,7 +184,6 @@ class PrecisionGyro:
         0.0,
         "White noise (angle random walk); 0: measured while the tool rests. Raising it widens the sigma of the gyro "
         "azimuth. Set it if pumps shake the tool during every survey.",
-        unit="deg/sqrt(h)",
         low=0.0,
         high=10.0,
         expert=True,
@@ -209,7 +192,6 @@ class PrecisionGyro:
         5.0,
         "Bias that remains after calibration, 1 sigma. Raising it widens the sigma of a gyro azimuth in one position. "
         "The bias of this unit is estimated from the stations of a run.",
-        unit="deg/h",
         low=0.0,
         high=1e5,
     )
@@ -225,7 +207,6 @@ class PrecisionGyro:
         0.3,
         "Share of the rate about the tool axis that the cross axes read, 1 sigma. Raising it widens the sigma of the "
         "gyro azimuth in a turning string.",
-        unit="mrad",
         low=0.0,
         high=100.0,
         expert=True,
@@ -234,7 +215,6 @@ class PrecisionGyro:
         0.5,
         "Sensitivity of the rate of each axis to the specific force along each axis, 1 sigma. Raising it widens the "
         "sigma of every gyro azimuth. Lower it for a better unit.",
-        unit="deg/h/g",
         low=0.0,
         high=1e3,
         expert=True,
@@ -244,7 +224,6 @@ class PrecisionGyro:
         "Sensitivity of the y and z gyros to specific force, known from a calibration and corrected. The four values "
         "a, c, s, h give the rate error (a + s) fy + (c + h) fz of y and (h - c) fy + (a - s) fz of z. Zeros: not "
         "calibrated.",
-        unit="deg/h/g",
         expert=True,
     )
 
@@ -271,14 +250,13 @@ class Tool:
         "(mean rates and forces), points (values at an instant). A wrong choice costs accuracy under vibration: 5 Hz "
         "coning of 2 deg causes a drift of 65 deg/h. With gravity.method bounded, samples that are stated as "
         "integrated but are points are detected when the rotary speed changes; they are then used as points, and "
-        "reported. From the data sheet.",
+        "reported. See the data sheet.",
         choices=("integrated", "means", "points"),
     )
     calibrated_c: tuple[float, float] = setting(
         (-40.0, 175.0),
         "Lowest and highest temperature of the calibration. Surveys outside this range have wider sigmas and a "
         "warning. From the calibration report.",
-        unit="degC",
         low=-273.0,
         high=1000.0,
         expert=True,
@@ -287,7 +265,6 @@ class Tool:
         0.0,
         "Time from the measurement of a sample to its stamp. Both toolfaces are extrapolated by this time with the "
         "x gyro. Raising it amplifies gyro noise. Set it if the tool stamps its samples late.",
-        unit="s",
         low=0.0,
         high=2.0,
         expert=True,
@@ -295,7 +272,6 @@ class Tool:
     toolface_offset_deg: float = setting(
         0.0,
         "Angle from the sensor housing to the scribe line, added to both toolfaces. Measure it at make-up.",
-        unit="deg",
         low=-360.0,
         high=360.0,
     )
@@ -303,7 +279,6 @@ class Tool:
         (0.0, 0.0),
         "Known misalignment, which is corrected: angles from the tool axis to the hole axis, about y (towards -z) and "
         "about z (towards +y).",
-        unit="deg",
         low=-10.0,
         high=10.0,
         expert=True,
@@ -318,7 +293,6 @@ class Tool:
         "Sag correction of the assembly in a horizontal hole; this value times the sine of the inclination is added to "
         "the inclination. A value other than 0 lowers the sigma of the sag (SAGE) from 0.2 to 0.08 deg. From a sag "
         "model of the assembly.",
-        unit="deg",
         low=-5.0,
         high=5.0,
         expert=True,
@@ -336,7 +310,6 @@ class Tool:
         "Axial field of the drill string at the magnetometer, 1 sigma; default: by the kind of string. Raising it "
         "widens the sigma of uncorrected azimuths, applies the axial correction sooner and lets the correction "
         "explain a stronger string: up to nine times this value per sample. Set it from the collar's length.",
-        unit="nT",
         low=0.0,
         high=50000.0,
     )

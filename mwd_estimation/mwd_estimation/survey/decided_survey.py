@@ -16,7 +16,7 @@ from mwd_estimation.core import reason_text
 from mwd_estimation.core.north import North
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station_record import Station
-from mwd_estimation.survey.survey import STATIC, AzimuthEstimate, Survey, Verdict
+from mwd_estimation.survey.survey import REFERENCE_FIELDS, STATIC, AzimuthEstimate, Survey, Verdict
 from mwd_sensors.core.unknown import or_nan
 
 # Namespace of the identifiers of surveys (RFC 4122, version 5). They depend on time and readings, so a survey has the
@@ -85,7 +85,6 @@ def record_of(station: Station, weights: Mapping[str, float], **about: Any) -> S
 
     Parameters
     ----------
-    station : Station
     weights : mapping of str to float
         Share of each method of the station in its azimuth.
     **about
@@ -121,13 +120,7 @@ def record_of(station: Station, weights: Mapping[str, float], **about: Any) -> S
         **dict(zip(("g_limit", "b_limit", "dip_limit"), limits, strict=True)),
     }
     if reference is not None:
-        numbers |= {
-            "g_reference": or_nan(reference.gravity),
-            "b_reference": or_nan(reference.total),
-            "dip_reference": or_nan(reference.dip),
-            "declination": or_nan(reference.declination),
-            "convergence": or_nan(reference.convergence),
-        }
+        numbers |= {field: or_nan(getattr(reference, name)) for name, field in REFERENCE_FIELDS.items()}
     return Survey(
         specific_force=_numbers(station.f_t),
         magnetic_field=_numbers(station.b_t),

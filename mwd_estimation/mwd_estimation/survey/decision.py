@@ -51,7 +51,8 @@ class _Published(NamedTuple):
     Published survey, and the azimuth propagated to it from the station above.
 
     known : arguments of `Finding.continued`: azimuth and 1 sigma, rad, and variance in common, rad^2; None if the
-    propagated azimuth did not change the survey. above : number of the survey from which it was propagated; 0: none.
+    propagated azimuth did not change the survey.
+    above : number of the survey from which it was propagated; 0: none.
     """
 
     survey: DecidedSurvey
@@ -119,7 +120,6 @@ class SurveyDecision:
 
     Parameters
     ----------
-    settings : StationSettings
     faults : FaultHistory
         Faults of the sensors; the caller updates it.
     """
@@ -148,10 +148,8 @@ class SurveyDecision:
 
         Parameters
         ----------
-        average : StillAverage
         sequence : int
             The survey's number.
-        reference : Reference or None
         gyro : Solution or None
             North from the precision unit, or the reason for none; None if there is no precision unit.
         turning : Turning or None

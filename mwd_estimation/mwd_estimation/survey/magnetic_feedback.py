@@ -39,7 +39,6 @@ class MagneticFeedback:
     ----------
     in_force : MagneticModelInForce
         Present field model; a change creates a new object.
-    reference : Reference or None
     interference : tuple of float or None
         Axial interference and 1 sigma, T, from the last corrected station.
     north : str

@@ -104,10 +104,6 @@ def measured(
     Compute angles, totals and azimuths of single methods of a station.
 
     For the arguments and the errors raised see `station.station`.
-
-    Returns
-    -------
-    Measured
     """
     settings = StationSettings() if settings is None else settings
     f_raw, b_raw = _vector("f_t", f_t), _vector("b_t", b_t)

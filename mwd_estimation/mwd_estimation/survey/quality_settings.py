@@ -38,8 +38,8 @@ class QualitySettings:
     custom_limits: tuple[float, float, float] = setting(
         (2.5, 300.0, 0.45),
         "Custom limits on the deviations of total gravity (mG), total field (nT) and dip (deg) from the reference. "
-        "Beyond the limit of gravity a survey is doubtful, beyond the limit of field or dip its azimuth. Raising them "
-        "accepts worse accelerometers and more interference.",
+        "Beyond the limit of gravity a survey is doubtful, beyond the limit of field or dip its azimuth; beyond 1.5 "
+        "times the limit they are rejected. Raising them accepts worse accelerometers and more interference.",
         unit="mG, nT, deg",
         low=0.01,
         high=10000.0,
@@ -49,7 +49,6 @@ class QualitySettings:
         10.0,
         "Error of the azimuth that the well cannot tolerate. Lowering it accepts only azimuths with a smaller sigma, "
         "about a third of this value.",
-        unit="deg",
         low=0.1,
         high=90.0,
         expert=True,

@@ -3,9 +3,9 @@
 Revise every station of a run with all other stations, including later ones and later gyro azimuths.
 
 For each station, the run model learns the other stations in order from far to near, because the string may have changed
-at some station. The finding of a station uses the readings of this station once, and a north seek once: a seek
-continues while the tool is turned in place, so its last result is valid for all surveys taken during the seek, and
-counts as one reading. The run is divided in halves recursively, so that n stations need about n log2(n) steps.
+at some station. Each reading is used once. A north seek counts as one reading for all surveys taken during it: it
+continues while the tool is turned in place, so its last result is valid for all of them. The run is divided in halves
+recursively, so that n stations need about n log2(n) steps.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ def findings(
     Return the finding of each station of a run, computed with all other stations of the run.
 
     first: finding of each station when it was taken. Stations with repeated readings keep this finding, and are not
-    used for other stations. newest: number of the last stations to compute again; the stations before keep their
-    finding. None: all stations.
+    used for other stations.
+    newest: number of the last stations to compute again; the stations before keep their finding. None: all stations.
     progress: called after each seek with its number of stations, from any thread, one call at a time.
     threads: number of threads, without influence on the result.
     """

@@ -33,7 +33,7 @@ from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 # Share of the variance of the lasting gyro error that is the same from station to station.
 _SAME = 0.7
-# Least 1 sigma of the lasting gyro error, rad; steps of the bias are expressed as multiples of this sigma.
+# Smallest 1 sigma of the lasting gyro error, rad; steps of the bias are expressed as multiples of this sigma.
 _LEAST_LASTING = 1e-3
 # Largest differences of a reference from the first reference of the run, in field, T, and in declination, rad. With a
 # larger difference, the reference is that of another place.
@@ -94,13 +94,7 @@ def elapsed(before: float, now: float) -> float:
 
 
 class RunModel:
-    """
-    Model of the stations of one tool in one assembly, in the order in which they were taken.
-
-    Parameters
-    ----------
-    settings : StationSettings
-    """
+    """Model of the stations of one tool in one assembly, in the order in which they were taken."""
 
     def __init__(self, settings: StationSettings) -> None:
         self._settings = settings

@@ -35,15 +35,10 @@ def station(
         Mean specific force, m/s^2 (up at rest), and mean field, T, in tool axes; NaN for a missing sensor.
     reference : Reference, optional
         Reference. Without it the azimuth is magnetic and uncorrected, and the station doubtful.
-    settings : StationSettings, optional
     covariance_f, covariance_b : array_like, shape (3, 3), optional
         Noise of the two means, (m/s^2)^2 and T^2; constant errors of the sensors come from the settings.
     faults : tuple of Reason
         Known faults of the readings; each rejects the station.
-
-    Returns
-    -------
-    Station
 
     Raises
     ------

@@ -11,12 +11,14 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from mwd_estimation.core.north import North
 from mwd_estimation.core.reason_text import HYPOTHESES
+from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.message_record import MessageRecord
 from mwd_sensors.core.settings import Number
+from mwd_sensors.core.unknown import or_none
 
 Three = tuple[Number, Number, Number]
 Nine = tuple[Number, Number, Number, Number, Number, Number, Number, Number, Number]
@@ -24,6 +26,14 @@ UNKNOWN_3: Three = (math.nan,) * 3
 UNKNOWN_9: Nine = (math.nan,) * 9
 # Kinds of a survey, with the numbers of mwd_msgs/msg/Survey: taken at rest, or while the string rotates.
 STATIC, ROTARY = 0, 1
+#: Field of a survey for each value of a `Reference`.
+REFERENCE_FIELDS = {
+    "total": "b_reference",
+    "dip": "dip_reference",
+    "declination": "declination",
+    "convergence": "convergence",
+    "gravity": "g_reference",
+}
 
 
 class Verdict(enum.IntEnum):
@@ -168,6 +178,12 @@ class Survey(MessageRecord):
     def has_reference(self) -> bool:
         """Whether the reference field is known."""
         return math.isfinite(self.b_reference)
+
+    @property
+    def reference(self) -> Reference:
+        """Reference with which the survey was judged."""
+        values: dict[str, Any] = {name: or_none(getattr(self, field)) for name, field in REFERENCE_FIELDS.items()}
+        return Reference(**values, source=self.reference_source)
 
     @property
     def sigma_inclination(self) -> float:

@@ -19,7 +19,6 @@ class SurveySettings:
         2.0,
         "Time for the string to settle before averaging. Raising it leaves out more of the string's "
         "swinging, but delays each survey.",
-        unit="s",
         low=0.0,
         high=120.0,
         expert=True,
@@ -27,7 +26,6 @@ class SurveySettings:
     duration_s: float = setting(
         8.0,
         "Averaging time of a survey. Raising it lowers the noise; each survey takes longer.",
-        unit="s",
         low=SHORTEST_S,
         high=LONGEST_S,
     )
@@ -35,7 +33,6 @@ class SurveySettings:
         120.0,
         "Longest time that an automatic survey waits for the gyro azimuth; it continues to average while it waits. "
         "Raising it gives better gyro azimuths if the string stands still long enough. 0: do not wait.",
-        unit="s",
         low=0.0,
         high=3600.0,
         expert=True,

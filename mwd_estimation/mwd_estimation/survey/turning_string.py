@@ -10,10 +10,10 @@ the axial rate of the gyro. Across the tool, a triad measures y + iz = c + G exp
 
 Hence a = -conj(K / G) is the direction of the axis in each triad, independent of biases, lever arm and delay of stamps.
 The mean field across the tool, minus the component of the axial field along this axis, is c - a c_x. It is fixed in the
-tool: biases and a magnetised collar. All values are fitted to the samples of windows of some turns, with amplitudes
-that drift with the roll (scale error of the gyro, curved hole) and with the delay behind the gyro, so that changes of
-speed cause no error. The amplitudes at a half and at one and a half cycles per turn, where there is no signal, are the
-noise.
+tool: biases and a magnetised collar. All values are fitted to the samples of windows of some turns. The fit includes a
+drift of the amplitudes with the roll (scale error of the gyro, curved hole) and the delay behind the gyro, so that
+changes of speed cause no error. The amplitudes at a half and at one and a half cycles per turn, where there is no
+signal, are the noise.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from mwd_estimation.core.time_jumps import advances
 from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_sensors.core.arrays import Array, Stamps
 
-# Smallest and largest number of bins of a window, and the angle by which the string turns in it, rad.
+# Smallest and largest number of bins of a window, and the angle by which the string turns in a window, rad.
 _BINS, _MOST_BINS, _TURNED = 10, 120, 8.0 * math.pi
 # Smallest rotation in a bin with which a window begins, rad; and longest time between samples within a window, s.
 _BEGINS, _APART_S = 0.5, 0.1

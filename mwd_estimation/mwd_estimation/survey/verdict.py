@@ -71,10 +71,8 @@ def judged(
 
     Parameters
     ----------
-    measured : Measured
     finding : Finding or None
         Finding of the run; None if no sensor measures the azimuth.
-    settings : StationSettings
     faults : tuple of Reason
         Faults of the readings; each rejects the station.
     """

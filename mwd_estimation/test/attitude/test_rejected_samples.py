@@ -98,7 +98,7 @@ def test_rows_of_used_samples_and_of_repeated_stamps_are_as_they_were():
     assert (attitude["status"][again] & int(Status.REJECTED) != 0).all()
     assert np.delete(attitude, again).tobytes() == plain.tobytes()
     for name in ("gravity_toolface", "sigma_gravity_toolface", "inclination", "magnetic_toolface"):
-        assert np.array_equal(attitude[name][again], attitude[name][again - 1])
+        assert np.array_equal(attitude[name][again], attitude[name][again - 1], equal_nan=True)
 
 
 def test_far_from_any_sample_used_the_toolface_is_withheld_and_the_inclination_stays():

@@ -25,7 +25,7 @@ def test_a_number_is_printed_in_the_unit_of_its_sentence():
     off = Reason(ReasonCode.DIP_OFF, math.radians(0.4), math.radians(0.25))
     assert text(off).startswith("dip +0.40 deg off the reference, limit 0.25 deg")
     far = Reason(ReasonCode.GYRO_ONLY_UNCERTAIN, 0.0123, math.radians(10.0))
-    assert text(far).startswith("azimuth may be more than 10 deg off (probability 1.2 %)")
+    assert text(far).startswith("azimuth may be wrong by more than 10 deg (probability 1.2 %)")
 
 
 def test_hypotheses_and_azimuths_are_listed_with_their_odds():

@@ -91,3 +91,13 @@ def test_parts_of_like_widths_share_the_angles_that_resolve_them() -> None:
     assert len(angle) < 1200
     for k, shares in enumerate(share):
         assert math.sqrt(float(shares @ (angle - 1.0) ** 2)) == pytest.approx(0.01 * 1.01**k, rel=1e-3)
+
+
+def test_the_sigma_of_a_mixture_covers_99_of_a_hundred_of_its_angles() -> None:
+    assert azimuth_posterior.sigma_of_mixture(np.array([1.0]), np.zeros(1), [0.01]) == pytest.approx(0.01, rel=1e-9)
+    weight, off, sigmas = np.array([0.93, 0.05, 0.02]), np.array([-0.02, 0.3, 0.6]), np.array([0.02, 0.05, 0.01])
+    sigma = azimuth_posterior.sigma_of_mixture(weight, off, list(sigmas))
+    rng = np.random.default_rng(1)
+    drawn = rng.choice(3, 200_000, p=weight)
+    angles = off[drawn] + sigmas[drawn] * rng.standard_normal(len(drawn))
+    assert np.quantile(np.abs(angles), 0.99) == pytest.approx(2.576 * sigma, rel=0.01)

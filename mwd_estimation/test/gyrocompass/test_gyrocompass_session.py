@@ -20,6 +20,7 @@ DEG = math.radians(1.0)
 LATITUDE = 50.0
 UNIT = dataclasses.replace(
     TACTICAL,
+    latitude_deg=LATITUDE,
     gyro_noise_deg_rth=0.02,
     gyro_bias_deg_h=0.02,
     gyro_x_bias_deg_h=0.02,
@@ -52,7 +53,7 @@ def bins(seconds, rpm=0.0, seed=1):
 @pytest.mark.slow
 @pytest.mark.parametrize(("rpm", "method"), [(0.0, "still"), (60.0, "rotating")])
 def test_north_is_found_in_the_time_asked_for_at_rest_and_turning(rpm, method):
-    run = NorthSession(SessionParams(), UNIT, LATITUDE, None, 60.0, "")
+    run = NorthSession(SessionParams(), UNIT, 60.0, "")
     given = []
     for one in bins(90.0, rpm):
         assert not run.done
@@ -72,7 +73,7 @@ def test_north_is_found_in_the_time_asked_for_at_rest_and_turning(rpm, method):
 
 def test_a_flagged_x_rate_that_looks_small_is_that_of_the_conventional_unit():
     # 30 r/min is within the range: only the flag tells that a mean of clipped readings is none.
-    plain, flagged = (NorthSession(SessionParams(), UNIT, LATITUDE, None, 40.0, "") for _ in range(2))
+    plain, flagged = (NorthSession(SessionParams(), UNIT, 40.0, "") for _ in range(2))
     for seconds, precision, ahrs in bins(40.0, 30.0):
         plain.add(seconds, precision, ahrs)
         bits = np.zeros(len(precision.stamps), np.uint8)
@@ -86,7 +87,7 @@ def test_a_flagged_x_rate_that_looks_small_is_that_of_the_conventional_unit():
 
 
 def test_without_a_precision_unit_there_is_a_reason_instead_of_an_azimuth():
-    run = NorthSession(SessionParams(duration_s=20.0), UNIT, LATITUDE, None, 0.0, "still")
+    run = NorthSession(SessionParams(duration_s=20.0), UNIT, 0.0, "still")
     nothing = np.zeros(0, dtype=np.int64)
     for _ in range(48):
         assert not run.done
@@ -98,7 +99,7 @@ def test_without_a_precision_unit_there_is_a_reason_instead_of_an_azimuth():
 
 
 def test_the_shortest_seek_that_may_be_asked_for_lasts_until_it_has_an_azimuth() -> None:
-    run = NorthSession(SessionParams(), UNIT, LATITUDE, None, UNIT.shortest, "")
+    run = NorthSession(SessionParams(), UNIT, UNIT.shortest, "")
     for one in bins(40.0, 0.0):
         if not run.done:
             run.add(*one)
@@ -111,4 +112,4 @@ def test_the_shortest_seek_that_may_be_asked_for_lasts_until_it_has_an_azimuth()
 )
 def test_what_cannot_be_sought_is_refused_before_it_begins(duration, mode, words):
     with pytest.raises(ValueError, match=words):
-        NorthSession(SessionParams(), UNIT, LATITUDE, None, duration, mode)
+        NorthSession(SessionParams(), UNIT, duration, mode)

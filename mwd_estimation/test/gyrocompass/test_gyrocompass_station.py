@@ -199,8 +199,7 @@ def _rest(station, seconds, bias, noise=0.02, start_s=0.0, settled_s=2.0, azimut
 def _station(bias=5.0, **changes):
     """A station of a unit with this bias, deg/h."""
     biases = {"gyro_bias_deg_h": bias, "gyro_x_bias_deg_h": bias, "gyro_ramp_deg_h2": 0.6 * bias}
-    unit = dataclasses.replace(TACTICAL, g_sensitivity_deg_h_g=0.0, **biases, **changes)
-    return GyroStation(unit, 44.0, 9.81)
+    return GyroStation(dataclasses.replace(TACTICAL, latitude_deg=44.0, g_sensitivity_deg_h_g=0.0, **biases, **changes))
 
 
 def test_a_gyro_that_fits_the_latitude_finds_north_in_one_position_and_says_how_well():
@@ -215,7 +214,7 @@ def test_a_gyro_that_fits_the_latitude_finds_north_in_one_position_and_says_how_
 
 @pytest.mark.parametrize("latitude_deg", [-90.0, 86.0, 90.0])
 def test_near_a_pole_every_station_is_refused_for_its_latitude(latitude_deg):
-    station = GyroStation(TACTICAL, latitude_deg, 9.81)
+    station = GyroStation(dataclasses.replace(TACTICAL, latitude_deg=latitude_deg))
     # The axis lies elsewhere the second time: that seek begins with what the first has learnt.
     for start, inclination in ((0.0, 1.0), (35.0, 1.1)):
         _feed(station, tuple(stream[: 35 * RATE] for stream in _samples(inclination=inclination)), start)
@@ -273,6 +272,6 @@ def test_what_the_gyro_waits_for_is_reported_until_waiting_brings_nothing():
     _rest(precise, 60.0, 0.0, noise=0.003)
     assert precise.pending() is None
     assert precise.solution().success
-    blind = GyroStation(TACTICAL, None, 9.81)
+    blind = GyroStation(dataclasses.replace(TACTICAL, latitude_deg=math.nan))
     _rest(blind, 10.0, 0.0)
     assert blind.pending() is None

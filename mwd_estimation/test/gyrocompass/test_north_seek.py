@@ -17,9 +17,10 @@ from mwd_estimation.core import clip_flags
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.gyrocompass import gyro_errors, north_seek
-from mwd_estimation.gyrocompass.seek_params import SeekParams, at_place, white_noise
+from mwd_estimation.gyrocompass.seek_params import SeekParams, white_noise, with_noise
 from mwd_estimation.gyrocompass.seek_state import SeekState
 from mwd_estimation.gyrocompass.solution import Solution
+from mwd_sensors.core import earth
 from mwd_sensors.core.constants import DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_pi
 
@@ -34,6 +35,9 @@ def settings(mode: str, noise: float, latitude_deg: float, **more: object) -> Se
     return SeekParams(
         mode=mode, gyro_noise_deg_rth=noise, latitude_deg=latitude_deg, gyro_walk_deg_h_rth=0.0, **x, **more
     )
+
+
+TACTICAL_AT_44 = settings("auto", 0.05, 44.0, gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0, g_sensitivity_deg_h_g=0.5)
 
 
 def spin_up(rpm: float, wobble: float = 0.0) -> Callable[[np.ndarray], np.ndarray]:
@@ -196,28 +200,49 @@ def test_a_wrong_latitude_is_named_or_in_sigma(
     assert not named or any(one.reason is not None and one.reason.code is ReasonCode.LATITUDE_OTHER for one in found)
 
 
+def two_positions_at(height_m: float) -> SeekState:
+    """State of a seek of a tactical unit at 44 deg, where gravity is the normal gravity at this height."""
+    clean = motion(67.5, 44.0 * DEG, 1.0, 1.2, two_positions, RATE)
+    scale = earth.gravity(44.0 * DEG, height_m) / earth.gravity(44.0 * DEG, 0.0) - 1.0
+    gyro, accel = measured(clean, np.random.default_rng(12), 0.05, 0.05, 30.0, accel_scale=scale)
+    state = north_seek.initial()
+    north_seek.run(TACTICAL_AT_44, state, clean.stamp_ns, gyro, accel)
+    return state
+
+
 @pytest.mark.slow
 def test_a_right_latitude_keeps_its_sigma(monkeypatch: pytest.MonkeyPatch) -> None:
-    params = settings("auto", 0.05, 44.0, gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0, g_sensitivity_deg_h_g=0.5)
-    clean = motion(67.5, 44.0 * DEG, 1.0, 1.2, two_positions, RATE)
-    gyro, accel = measured(clean, np.random.default_rng(12), 0.05, 0.05, 30.0)
-    state = north_seek.initial()
-    north_seek.run(params, state, clean.stamp_ns, gyro, accel)
-    sigma = north_seek.solution(params, state).sigma
+    state = two_positions_at(0.0)
+    sigma = north_seek.solution(TACTICAL_AT_44, state).sigma
     monkeypatch.setattr(north_seek, "_WRONG", 1e-12)
-    assert sigma == north_seek.solution(params, state).sigma
+    assert sigma == pytest.approx(north_seek.solution(TACTICAL_AT_44, state).sigma, rel=0.03)
+
+
+@pytest.mark.slow
+def test_the_gravity_of_a_high_place_is_not_taken_for_another_latitude() -> None:
+    at_sea = north_seek.solution(TACTICAL_AT_44, two_positions_at(0.0))
+    high = north_seek.solution(dataclasses.replace(TACTICAL_AT_44, height_m=4000.0), two_positions_at(4000.0))
+    assert high.sigma == pytest.approx(at_sea.sigma, rel=0.01)
+
+
+@pytest.mark.slow
+def test_sigma_changes_continuously_as_gravity_speaks_for_another_latitude() -> None:
+    state = two_positions_at(0.0)
+    force, sigmas = state.down_force, []
+    for off in np.linspace(-0.03, 0.03, 61):
+        state.down_force = force - off * state.elapsed
+        sigmas.append(north_seek.solution(TACTICAL_AT_44, state).sigma)
+    assert max(sigmas) > 1.2 * min(sigmas)
+    assert np.abs(np.diff(np.log(sigmas))).max() < 0.1
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("off_mg", [-2.0, 2.0])
 def test_accelerometers_far_off_do_not_make_a_right_latitude_wrong(off_mg: float) -> None:
     """Nobody states the accelerometers of a precision unit; 2 mg is 22 deg of latitude by normal gravity alone."""
-    params = settings("auto", 0.05, 44.0, gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0, g_sensitivity_deg_h_g=0.5)
-    clean = motion(67.5, 44.0 * DEG, 1.0, 1.2, two_positions, RATE)
-    gyro, accel = measured(clean, np.random.default_rng(12), 0.05, 0.05, 30.0, accel_scale=1e-3 * off_mg)
-    state = north_seek.initial()
-    north_seek.run(params, state, clean.stamp_ns, gyro, accel)
-    found = north_seek.solution(params, state)
+    state = two_positions_at(0.0)
+    state.down_force *= 1.0 + 1e-3 * off_mg
+    found = north_seek.solution(TACTICAL_AT_44, state)
     assert found.success
     assert abs(wrap_pi(found.azimuth - 1.2)) < 3.0 * found.sigma
 
@@ -507,7 +532,7 @@ def test_a_seek_teaches_where_the_tool_lies_otherwise_and_has_not_moved() -> Non
 def test_noise_that_the_samples_show_to_be_larger_replaces_the_stated_one(
     stated: float, measured: float, used: float
 ) -> None:
-    params = at_place(SeekParams(gyro_noise_deg_rth=stated), 34.0, None, measured)
+    params = with_noise(SeekParams(gyro_noise_deg_rth=stated), measured)
     assert (params.gyro_noise_deg_rth, params.gyro_x_noise_deg_rth) == (used, used)
 
 

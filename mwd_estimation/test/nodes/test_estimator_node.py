@@ -10,15 +10,18 @@ import pytest
 pytest.importorskip("rclpy")
 
 import rclpy
+from mwd_msgs.msg import OperatorEvent
+from mwd_msgs.srv import SetReferenceField
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.nodes import diagnostics
-from mwd_estimation.nodes.estimator import EstimatorNode
+from mwd_estimation.nodes.estimator import EstimatorNode, SampleCounts
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
+from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.core.mount import resolve
 
 FIELD = Reference(5e-5, 1.2, 0.05, 0.0, 9.81, "measured on the pad")
@@ -153,3 +156,49 @@ def test_a_clock_outside_the_field_model_costs_the_reference_not_the_attitude():
     shown = diagnostics.reference_diagnostic(pipeline.reference)
     assert "outside wmm2025" in shown.message
     assert shown.remedy == "set the clock, or place.date"
+
+
+def test_a_request_has_the_time_of_the_samples_after_a_lone_stamp_and_after_the_clock_was_set_back():
+    told = []
+    node = SimpleNamespace(
+        _pipeline=Pipeline(EstimatorSettings()),
+        _inputs=SimpleNamespace(mount_key=(), take=lambda topic: taken.get(topic, wire.SONDE_TOPICS[topic].empty(0))),
+        _mount_key=(),
+        _gate=SimpleNamespace(passed=dict),
+        _used=SampleCounts(),
+        _logs=SimpleNamespace(push_temperature=lambda _: None, take=lambda *_: None),
+        _publish=lambda *_: None,
+        _frame="",
+        _operator_events=SimpleNamespace(publish=lambda event: told.append(stamp_of(event.header.stamp))),
+    )
+    begin = 1_700_000_000_000_000_000
+    steps = np.arange(1, 51) * 10_000_000
+    lone = np.where(np.arange(50) == 49, 10**15, steps)
+    expected = []
+    for stamps in (begin + steps, begin + 500_000_000 + lone, begin + 1_000_000_000 + steps, begin - 10**14 + steps):
+        imu = wire.IMU.empty(50)
+        imu["stamp_ns"], imu["linear_acceleration"][:, 0] = stamps, -9.81
+        taken = {"imu/data_raw": imu}
+        EstimatorNode._estimate_block(node)
+        EstimatorNode._tell(node, OperatorEvent.TAKE_SURVEY)
+        expected.append(int(stamps[-1]))
+    expected[1] -= int(lone[-1]) - int(lone[-2])
+    assert told == expected
+
+
+@pytest.mark.fault_case(86)
+@pytest.mark.parametrize(
+    ("gravity", "used"), [(9.79, 9.79), (np.nan, None), (0.0, None), (-9.81, ...), (-1e-300, ...), (98.1, ...)]
+)
+def test_a_gravity_that_a_service_gives_is_used_kept_or_refused_and_never_ignored(gravity, used):
+    pipeline = Pipeline(EstimatorSettings())
+    log = SimpleNamespace(info=lambda _: None)
+    node = SimpleNamespace(_pipeline=pipeline, get_logger=lambda: log)
+    request = SetReferenceField.Request(total=5e-5, dip=1.2, gravity=gravity, source="pad")
+    response = EstimatorNode._used_reference(node, request, SetReferenceField.Response())
+    assert response.success == (used is not ...)
+    if used is ...:
+        assert "gravity" in response.message
+        assert pipeline.given_reference is None
+    else:
+        assert pipeline.given_reference.gravity == used

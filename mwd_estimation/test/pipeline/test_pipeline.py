@@ -183,6 +183,26 @@ def test_the_tool_s_own_field_is_learnt_while_drilling_and_taken_off_the_azimuth
     assert (np.abs(own["cross_axial"][-1]) < 3.0 * own["sigma_cross_axial"][-1]).all()
 
 
+@pytest.mark.slow(8)
+@pytest.mark.fault_case(6)
+@pytest.mark.parametrize("reading", [34.9, -34.9, 5.0, np.nan])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_azimuth_without_gyros_keeps_what_was_learnt_of_the_string_and_its_sigma_covers_the_error(axis, reading):
+    """A gyro stops at its limit, at a value or altogether, at rest, after the string has turned."""
+    for seed, axial in ((3311, 2e-6), (3312, -1.5e-6)):
+        imu, mag = _samples(seconds=40.0, axial=axial, rate=10.0, still_after=15.0, seed=seed)
+        imu["angular_velocity"][2000:, axis] = reading
+        rows = _joined(_run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE), range(50, 4000, 50)), "attitude")
+        # The gyro is named within two seconds.
+        rows = rows[2250:]
+        known = np.isfinite(rows["azimuth"])
+        assert known.mean() > 0.95
+        error, sigma = np.abs(wrap_pi(rows["azimuth"] - 1.9))[known], rows["sigma_azimuth"][known]
+        assert np.mean(error > 3.0 * sigma) < 0.01
+        assert np.median(sigma) < np.radians(2.0)
+        assert (rows["status"][known] & int(Status.CORRECTED) != 0).mean() > 0.95
+
+
 @pytest.mark.fault_case(24)
 def test_a_passing_casing_is_flagged_and_the_azimuth_carried_through_it():
     imu, mag = _samples(seconds=60.0, rate=3.0, still_after=60.0)

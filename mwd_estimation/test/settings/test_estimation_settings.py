@@ -133,7 +133,8 @@ def test_by_default_the_filters_get_their_own_defaults():
     ):
         found = derive(settings)
         assert found == type(found)(), derive.__name__
-    assert derivation.gyrocompass_params(settings) == TACTICAL
+    here = dataclasses.replace(settings, place=Place(lat_deg=TACTICAL.latitude_deg))
+    assert derivation.gyrocompass_params(here) == TACTICAL
     # 408 ug, as in the grades, is the tool code's 0.004 m/s^2 rounded.
     assert derivation.sensor_errors(settings) == dataclasses.replace(
         SensorErrors(), accelerometer_bias_mps2=pytest.approx(0.004, rel=5e-4)

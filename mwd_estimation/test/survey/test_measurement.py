@@ -35,7 +35,7 @@ GOOD = AxialCorrection(
         (
             {"sigma_azimuth": np.array(9.8 * DEG), "azimuth": np.array(88 * DEG)},
             87.0,
-            "3 deg from horizontal and 2 deg from magnetic east-west: corrected azimuth good only to 9.8 deg",
+            "3 deg from horizontal and 2 deg from magnetic east-west: corrected azimuth accurate only to 9.8 deg",
         ),
     ],
 )

@@ -22,10 +22,6 @@ class Compensation:
     """
     Correction of the samples of one unit.
 
-    Parameters
-    ----------
-    calibration : Calibration
-
     Attributes
     ----------
     without_temperature : int

@@ -106,20 +106,8 @@ def from_table(table: Mapping[str, Any]) -> Calibration:
                 raise ValueError(f"calibration: {name}.{key} must be finite and of shape {shape}")
         if np.abs(figures["matrix"] - np.eye(3)).max() > 0.5:
             raise ValueError(f"calibration: {name}.matrix is far from the identity; is it in other units?")
-        read[name] = TriadCalibration(
-            matrix=figures["matrix"],
-            bias=figures["bias"],
-            bias_per_c=figures["bias_per_c"],
-            scale_per_c=figures["scale_per_c"],
-            sigma_matrix=figures["sigma_matrix"],
-            sigma_bias=figures["sigma_bias"],
-            sigma_bias_per_c=figures["sigma_bias_per_c"],
-            sigma_scale_per_c=figures["sigma_scale_per_c"],
-            reference_c=float(figures["reference_c"]),
-            before=float(figures["before"]),
-            after=float(figures["after"]),
-            poses=int(figures["poses"]),
-        )
+        plain: dict[str, Any] = {key: value if value.ndim else float(value) for key, value in figures.items()}
+        read[name] = TriadCalibration(**plain | {"poses": int(figures["poses"])})
     for name in ("gyro", "accelerometer"):
         if name not in read:
             raise ValueError(f"calibration: {name} is missing")

@@ -430,10 +430,7 @@ def check_determined(jacobian: Array) -> None:
     """
     Raise ValueError if the attitudes do not determine the parameters of a fit.
 
-    Raises
-    ------
-    ValueError
-        The condition number of the scaled Jacobian is above 1e5.
+    This is so if the condition number of the scaled Jacobian is above 1e5.
     """
     scaled = jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     if np.linalg.cond(scaled) > 1e5:

@@ -259,10 +259,7 @@ def _check_yaml(text: str) -> None:
     The parser's events arrive without recursion and in the order of the text. Checking the result would be too late: an
     alias of a merged table (``<<``) is expanded while the table is built.
 
-    Raises
-    ------
-    yaml.YAMLError
-        The text is not YAML, or breaks one of the limits named in `load_yaml`.
+    Raises yaml.YAMLError if the text is not YAML, or breaks one of the limits named in `load_yaml`.
     """
     directives = itertools.islice(_DIRECTIVE.finditer(text), _MOST_DIRECTIVES + 1)
     if len(list(directives)) > _MOST_DIRECTIVES:

@@ -231,10 +231,8 @@ def resolve(
 
     Parameters
     ----------
-    given : MountSettings
     names : mapping of str to str, optional
         Frame name in the messages of each unit (imu, mag, precision); missing or empty if not known.
-    transforms : Transforms, optional
 
     Returns
     -------

@@ -14,7 +14,6 @@ def write_whole(path: Path, data: bytes | str, *, lasting: bool = True) -> None:
 
     Parameters
     ----------
-    path : Path
     data : bytes or str
         Text is written as UTF-8.
     lasting : bool

@@ -27,6 +27,40 @@ Number = typing.Annotated[float, "unknown"]
 _MOST_NAMES = 12  # largest number of names that a message lists
 # Types of the fields of a class; cached, because evaluating the annotations takes longer than checking the values.
 _types: Callable[[Any], dict[str, Any]] = functools.cache(functools.partial(typing.get_type_hints, include_extras=True))
+# Unit of a setting by the end of its name, longer ends first.
+_UNITS = {
+    "_kg_m3": "kg/m^3",
+    "_deg_30m": "deg/30 m",
+    "_deg_sqrt_h": "deg/sqrt(h)",
+    "_deg_h_g": "deg/h/g",
+    "_nt_per_c": "nT/degC",
+    "_ug_per_c": "ug/degC",
+    "_deg_h": "deg/h",
+    "_deg_s": "deg/s",
+    "_seconds": "s",
+    "_mrad": "mrad",
+    "_rpm": "r/min",
+    "_lpm": "l/min",
+    "_deg": "deg",
+    "_uwb": "uWb",
+    "_ppm": "ppm",
+    "_bar": "bar",
+    "_hz": "Hz",
+    "_km": "km",
+    "_kn": "kN",
+    "_mm": "mm",
+    "_nm": "N m",
+    "_nt": "nT",
+    "_ug": "ug",
+    "_ut": "uT",
+    "_a": "A",
+    "_c": "degC",
+    "_g": "g",
+    "_h": "h",
+    "_m": "m",
+    "_s": "s",
+    "_v": "V",
+}
 _SCALARS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 
 
@@ -36,14 +70,13 @@ class SettingsError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Rule:
-    """Rule for one field: meaning, unit, inclusive bounds, choices, and the marks `fixed` and `expert` of `setting`."""
+    """Rule for one field: meaning, unit, inclusive bounds, choices, and the mark `expert` of `setting`."""
 
     doc: str
     unit: str = ""
     low: float | None = None
     high: float | None = None
     choices: tuple[str, ...] = ()
-    fixed: bool = False
     expert: bool = False
 
     def text(self) -> str:
@@ -66,7 +99,6 @@ def setting(
     low: float | None = None,
     high: float | None = None,
     choices: tuple[str, ...] = (),
-    fixed: bool = False,
     expert: bool = False,
 ) -> Any:
     """
@@ -77,17 +109,16 @@ def setting(
     default : any, optional
         Default value; without it the field must be given. A list, dict or set is copied for each instance.
     doc, unit : str
-        Meaning in one sentence, and unit as people write it ("m/s^2", "deg").
+        Meaning in one sentence, and unit as people write it ("m/s^2", "deg"). The unit is left out if the name of the
+        field says it (`unit_of`).
     low, high : float, optional
         Inclusive bounds; for a list they apply to every element.
     choices : tuple of str
         Allowed words.
-    fixed : bool
-        True if a running node cannot change the value (read-only parameter).
     expert : bool
         True if the default suits nearly all users; the reference lists these fields last.
     """
-    metadata = {"rule": Rule(doc, unit, low, high, choices, fixed, expert)}
+    metadata = {"rule": Rule(doc, unit, low, high, choices, expert)}
     if isinstance(default, (list, dict, set)):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
     if isinstance(default, type) and dataclasses.is_dataclass(default):
@@ -97,10 +128,18 @@ def setting(
     return dataclasses.field(default=default, metadata=metadata)
 
 
+def unit_of(name: str) -> str:
+    """Return the unit that the name of a setting says by its end, such as "m" for `look_ahead_m`; empty if none."""
+    return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "")
+
+
+@functools.cache
 def rule_of(field: dataclasses.Field[Any]) -> Rule:
     """Return the rule of a dataclass field; a field declared without `setting` allows any value of its type."""
     rule = field.metadata.get("rule")
-    return rule if isinstance(rule, Rule) else Rule("")
+    if not isinstance(rule, Rule):
+        return Rule("")
+    return dataclasses.replace(rule, unit=rule.unit or unit_of(field.name))
 
 
 def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:

@@ -90,14 +90,7 @@ class ReplyItem:
     unit: str = setting("", "Unit of step and offset, such as deg or nT; without one it is SI.")
 
     def __post_init__(self) -> None:
-        """
-        Check step and unit.
-
-        Raises
-        ------
-        ValueError
-            The absolute step is smaller than `_LEAST_STEP`, or the unit is not known.
-        """
+        """Raise ValueError if the absolute step is smaller than `_LEAST_STEP`, or the unit is not known."""
         if abs(self.step) < _LEAST_STEP:
             raise ValueError(f"step: must not be 0, or nearer to 0 than {_LEAST_STEP:g}")
         if self.unit not in _UNITS:
@@ -119,14 +112,7 @@ class Poll:
     items: tuple[ReplyItem, ...] = setting((), "Numbers of the reply, in order.")
 
     def __post_init__(self) -> None:
-        """
-        Check the request.
-
-        Raises
-        ------
-        ValueError
-            The bytes are not hexadecimal, or the reply has no numbers.
-        """
+        """Raise ValueError if the bytes are not hexadecimal, or the reply has no numbers."""
         _octets(self.request, "request")
         if not self.items:
             raise ValueError("items: a reply needs at least one number")
@@ -165,11 +151,10 @@ class PolledFrame:
     )
     check_order: str = setting("low_first", "Order of the bytes of the check.", choices=("low_first", "high_first"))
     polls: tuple[Poll, ...] = setting(_probe_polls(), "Requests in turn, with their replies.")
-    period_s: float = setting(0.01, "Time from one round of requests to the next.", unit="s", low=0.001, high=60.0)
+    period_s: float = setting(0.01, "Time from one round of requests to the next.", low=0.001, high=60.0)
     timeout_s: float = setting(
         0.2,
         "Longest wait for a reply. A lower value repeats a lost request sooner, but takes a slow reply for a lost one.",
-        unit="s",
         low=0.002,
         high=10.0,
     )
@@ -179,10 +164,8 @@ class PolledFrame:
         """
         Check the polls.
 
-        Raises
-        ------
-        ValueError
-            The start is not hexadecimal, there are no polls, two requests are equal, or a reply is too long.
+        Raises ValueError if the start is not hexadecimal, there are no polls, two requests are equal, or a reply is too
+        long.
         """
         _octets(self.start, "start")
         if not self.polls:
@@ -474,7 +457,7 @@ class Master:
         self._free_s = now_s
 
     def _give_up(self, now_s: float) -> None:
-        """Note why there was no reply; let the request be repeated, or after the last repetition go on to the next."""
+        """Note why there was no reply; repeat the request, or after the last repetition send the next one."""
         self._note(self._why())
         self.counters.broken += bool(self._held)
         self._tries += 1

@@ -159,10 +159,7 @@ def _parsed(kind: int | str, content: bytes) -> UnitSample | UnitAnswer | None:
     """
     Return the sample or answer in a frame or line, or None if its kind is not known (a later version).
 
-    Raises
-    ------
-    ValueError or struct.error
-        The content does not fit the kind.
+    Raises ValueError or struct.error if the content does not fit the kind.
     """
     if isinstance(kind, str):
         words = content.decode("ascii").split(",")

@@ -31,53 +31,36 @@ _END_OF_TIME_NS = 2**31 * 10**9  # end of the range of message stamps
 class LineSettings:
     """Serial line of a probe."""
 
-    port: str = setting(
-        "/dev/ttyUSB0", "Device of the serial line; with `mwd emulate`, the name that it prints.", fixed=True
-    )
+    port: str = setting("/dev/ttyUSB0", "Device of the serial line; with `mwd emulate`, the name that it prints.")
     baud: int = setting(
-        921600,
-        "Speed of the line; 8 data bits, no parity, 1 stop bit.",
-        unit="bit/s",
-        low=1200,
-        high=12_000_000,
-        fixed=True,
+        921600, "Speed of the line; 8 data bits, no parity, 1 stop bit.", unit="bit/s", low=1200, high=12_000_000
     )
     protocol: str = setting(
         "binary",
         "Protocol of the line: binary (COBS frames with CRC-16), ascii (text lines with CRC-16), xsens (MTData2) or "
         "polled (RS-485: this machine asks, the unit replies).",
         choices=("binary", "ascii", "xsens", "polled"),
-        fixed=True,
     )
     clock: str = setting(
         "host",
         "Stamps of the samples: host (the unit's time converted to that of this machine) or unit (unchanged, for "
         "example when a recording is played).",
         choices=("host", "unit"),
-        fixed=True,
     )
     xsens_field_ut: float = setting(
         0.0,
         "Magnetic field that an MTi reports as 1: the field at the place of its calibration. 0 means not known; its "
         "magnetometer is then not used.",
-        unit="uT",
         low=0.0,
         high=100.0,
-        fixed=True,
     )
     frame_file: str = setting(
         "",
         "Frame of the protocol polled, a YAML file: address, requests, replies, timeout. Empty: Modbus RTU, unit 1, "
         "all values in input registers from 0.",
-        fixed=True,
     )
     wait_for_listener_s: float = setting(
-        0.0,
-        "Longest wait for subscribers before the line is opened; 0 opens it at once.",
-        unit="s",
-        low=0.0,
-        high=600.0,
-        fixed=True,
+        0.0, "Longest wait for subscribers before the line is opened; 0 opens it at once.", low=0.0, high=600.0
     )
 
 
@@ -361,7 +344,7 @@ class UnitClock:
         self.offset_ns = 0
         self.jumps = -1
         self._seen: collections.deque[int] = collections.deque(maxlen=_KEPT)
-        # Host time and offset of recent observations that differ from the offset in force but agree with each other.
+        # Host time and offset of recent observations that differ from the present offset but agree with each other.
         self._off: list[tuple[int, int]] = []
         self._last_ns = self._unit_ns = 0
 
@@ -397,9 +380,9 @@ class UnitClock:
 
     def _doubt(self, host_ns: int, offset: int) -> None:
         """
-        Record an observation that differs from the offset in force.
+        Record an observation of the clock offset that differs from the present offset.
 
-        The offset jumps if `_AGREEING` such observations agree over `_LASTING_NS`.
+        If `_AGREEING` observations agree with each other over `_LASTING_NS`, they give the new offset.
         """
         self._agree(host_ns, offset)
         if len(self._off) >= _AGREEING and abs(host_ns - self._off[0][0]) >= _LASTING_NS:

@@ -21,7 +21,7 @@ from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
 
-_PERIOD = 0.002  # s; time between two reads of the line
+_PERIOD = 0.002  # time between two reads of the line, s
 _TYPES = {
     "imu/temperature": Temperature,
     "gyro/data_raw": Imu,
@@ -131,7 +131,8 @@ class ProbeNode(GraphNode[LineSettings]):
         """
         Return the state of a polled line: for each kind of error, the number of errors in the last second.
 
-        new : number of samples in the last second. values : further values of the entry.
+        new : number of samples in the last second.
+        values : further values of the entry.
         """
         before, self._trouble_before = self._trouble_before, dict(master.trouble)
         fresh = {words: count - before.get(words, 0) for words, count in master.trouble.items()}

@@ -23,7 +23,8 @@ from mwd_sensors.core.settings import from_mapping, setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.nodes.telemetry import TelemetryTopics
 from mwd_sensors.ros import qos
-from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
+from mwd_sensors.ros.deferred import answering
+from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
@@ -36,8 +37,8 @@ from mwd_sensors.simulator.sonde import Sonde
 # Length of a block that is simulated at a time: 0.1 s of the clock, at most 1 s of the scenario. With a rig that obeys
 # commands it is 0.1 s of the scenario, because a command acts on the next block.
 _BLOCK_S, _MOST_BLOCK_S = 0.1, 1.0
-_TIMER_PERIOD = 0.005  # s; time between two timer callbacks, which simulate and publish
-_CALL_S = 0.05  # s; longest time of one timer callback, not counting the last simulated block
+_TIMER_PERIOD = 0.005  # time between two timer callbacks, s
+_CALL_S = 0.05  # longest time of one timer callback, s, not counting the last simulated block
 _MOST_BEHIND_S = 1.0  # longest lag that the simulation catches up, s of wall time; a longer lag is skipped
 # Largest number of messages that one timer callback publishes: more messages at once, after a delay, would overrun the
 # middleware's queues.
@@ -67,35 +68,24 @@ _BURST_TOPIC = {single: name for name, single in burst.TOPICS.items()}
 class SondeSettings:
     """Parameters of the sonde node."""
 
-    scenario: str = setting(
-        "default", "Scenario to run: a name from bags/scenarios or the path of a YAML file.", fixed=True
-    )
-    seed: int = setting(
-        -1, "Seed of all random numbers. -1 uses the seed of the scenario.", low=-1, high=2**31 - 1, fixed=True
-    )
+    scenario: str = setting("default", "Scenario to run: a name from bags/scenarios or the path of a YAML file.")
+    seed: int = setting(-1, "Seed of all random numbers. -1 uses the seed of the scenario.", low=-1, high=2**31 - 1)
     rate: float = setting(
         1.0,
         "Seconds of the scenario per second of wall time; 0 runs as fast as possible. Subscribers lose samples if "
         "they cannot follow the rate.",
         low=0.0,
         high=1000.0,
-        fixed=True,
     )
     wait_for_listener_s: float = setting(
-        0.0,
-        "Longest wait for subscribers before the scenario starts; 0 starts at once.",
-        unit="s",
-        low=0.0,
-        high=600.0,
-        fixed=True,
+        0.0, "Longest wait for subscribers before the scenario starts; 0 starts at once.", low=0.0, high=600.0
     )
     wait_for_node: str = setting(
         "",
         "Name of a node that must subscribe before the scenario starts, without a time limit. Use it for a node "
         "that first compiles its filters and would miss the start. Empty: only wait_for_listener_s applies.",
-        fixed=True,
     )
-    exit_at_end: bool = setting(False, "End the process when the scenario is over.", fixed=True)
+    exit_at_end: bool = setting(False, "End the process when the scenario is over.")
     burst: int = setting(
         0,
         "Number of samples in one message of imu/burst and gyro/burst, which then replace imu/data_raw and "
@@ -103,14 +93,12 @@ class SondeSettings:
         "computing time, but arrive later.",
         low=0,
         high=burst.MOST,
-        fixed=True,
     )
     thin: int = setting(
         1,
         "Publish only every n-th sample of magnetometer and truth. Raise it for units beyond 1 kHz.",
         low=1,
         high=1000,
-        fixed=True,
     )
     fault_injection: bool = setting(
         False, "Allow the service inject_fault, which injects faults into the sensors of the running sonde."
@@ -119,12 +107,13 @@ class SondeSettings:
         "",
         "CSV file for the truth, one row per second of the scenario, for runs where the surface receives only the "
         "telemetry link. Empty writes no file.",
-        fixed=True,
     )
 
 
 class SondeNode(GraphNode[SondeSettings]):
     """Publishes the topics of `wire.SONDE_TOPICS`; the stamps start at the node's time at the start of the scenario."""
+
+    changeable = ("fault_injection",)
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("sonde", SondeSettings(), **node_options)
@@ -296,27 +285,20 @@ class SondeNode(GraphNode[SondeSettings]):
             for part in burst.parts(samples, self.settings.burst)
         ]
 
-    def _inject_fault(self, request: Any, response: Any) -> Any:
+    @answering
+    def _inject_fault(self, request: Any, _response: Any) -> str:
         if not self.settings.fault_injection:
-            response.success = False
-            response.message = "fault injection is off; set the parameter fault_injection to true"
-            return response
+            raise ValueError("fault injection is off; set the parameter fault_injection to true")
         if self._sonde is None:
-            response.success, response.message = False, "the scenario has not started"
-            return response
+            raise ValueError("the scenario has not started")
         fault = {"component": request.component, "fault": request.fault, "axis": request.axis or "all"}
         if request.duration != 0.0:
             fault["seconds"] = request.duration
-        try:
-            self._sonde.inject(from_mapping(Fault, fault))
-        except ValueError as error:
-            response.success, response.message = False, str(error)
-            return response
-        response.success = True
+        self._sonde.inject(from_mapping(Fault, fault))
         until = f"for {request.duration:g} s" if request.duration > 0.0 else "from now on"
-        response.message = f"{request.component} {request.fault} {until}"
-        self.get_logger().warning(printable(f"fault injected: {response.message}"))
-        return response
+        message = f"{request.component} {request.fault} {until}"
+        self.get_logger().warning(printable(f"fault injected: {message}"))
+        return message
 
     def diagnostics(self) -> Sequence[Diagnostic]:
         """Return the progress of the scenario, and the state of rig commands and telemetry link if there are any."""
@@ -334,7 +316,7 @@ class SondeNode(GraphNode[SondeSettings]):
         elapsed, rate = self._dropped_s + time.monotonic() - self._started_at, self.settings.rate
         if rate > 0.0 and (behind := elapsed - self._simulated_until / rate) > 1.0:
             remedy = "lower the rate, or end other programs on this machine"
-            return Diagnostic("scenario", ERROR, f"{behind:.1f} s behind the clock", remedy, values)
+            return Diagnostic("scenario", WARN, f"{behind:.1f} s behind the clock", remedy, values)
         message = f"{self._simulated_until:.0f} of {self._sonde.duration:.0f} s"
         return Diagnostic("scenario", OK, message, values=values)
 

@@ -35,8 +35,6 @@ class TelemetryTopics:
 
     Parameters
     ----------
-    node : GraphNode
-    telemetry : Telemetry
     rate : float
         Seconds of simulation time per second of wall time.
 

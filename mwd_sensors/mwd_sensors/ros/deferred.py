@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -27,6 +28,29 @@ class DeferredResponse:
         sender, self._sender = self._sender, None
         if sender is not None:
             sender(response)
+
+
+def answering(method: Callable[..., str | DeferredResponse]) -> Callable[..., Any]:
+    """
+    Make the callback of a service whose response has `success` and `message` from a method that returns the message.
+
+    The method gets the same arguments as the callback. If it raises ValueError, the request was refused, and the
+    message is the text of the error. A `DeferredResponse` is returned unchanged.
+    """
+
+    @functools.wraps(method)
+    def callback(self: Any, request: Any, response: Any, *more: Any) -> Any:
+        try:
+            answer = method(self, request, response, *more)
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+            return response
+        if isinstance(answer, DeferredResponse):
+            return answer
+        response.success, response.message = True, answer
+        return response
+
+    return callback
 
 
 def allow_deferred_responses(service: Service) -> None:

@@ -12,7 +12,7 @@ from launch_ros.substitutions import FindPackageShare
 from launch import LaunchDescription
 from mwd_sensors.core.stop_time import STOP_LIMIT
 
-_RESPAWN_DELAY = 2.0  # s; time from the end of a node to its next start
+_RESPAWN_DELAY = 2.0  # time from the end of a node to its next start, s
 _SWITCHES = ("use_sim_time", "autostart")  # launch arguments that set boolean parameters of the node
 
 

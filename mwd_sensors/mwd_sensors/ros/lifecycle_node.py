@@ -44,8 +44,8 @@ T = TypeVar("T")
 
 _FRAME_PREFIX = re.compile(r"[A-Za-z0-9_/.-]{0,200}")
 _NAMESPACE = "auto"  # value of `frame_prefix`: the namespace and a slash
-_DIAGNOSTICS_PERIOD = 1.0  # s; time between two messages of diagnostics and heartbeat
-# Least time from the last message to the end of a process that ends by itself, s: it lets messages reach best-effort
+_DIAGNOSTICS_PERIOD = 1.0  # time between two messages of diagnostics and heartbeat, s
+# Shortest time from the last message to the end of a process that ends by itself, s: it lets messages reach best-effort
 # readers, which do not acknowledge.
 _DELIVERY_TIME = 0.5
 # Longest wait for the acknowledgements of reliable subscriptions, s. By then Fast DDS has removed dead participants,
@@ -83,6 +83,9 @@ class GraphNode(LifecycleNode, Generic[T]):
         A parameter given at start is unknown or not allowed.
     """
 
+    #: Beginnings of the names of the parameters that can change at run time; all other parameters are read-only.
+    changeable: tuple[str, ...] = ()
+
     def __init__(self, name: str, default: T, **node_options: Any) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **node_options)
         given = given_at_start(self)
@@ -93,7 +96,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         if not _FRAME_PREFIX.fullmatch(prefix):
             raise SettingsError(f"frame_prefix: {printable(prefix)[:80]!r} has characters that no frame has")
         self._parameter_set = SettingsParameters(
-            self, given, default, self._settings_changed, self.changeable_at_runtime, self.check_settings
+            self, given, default, self._settings_changed, self.changeable, self.check_settings
         )
         self._entities: list[tuple[Any, Callable[[], Any]]] = []
         self._retired: list[contextlib.ExitStack] = []
@@ -141,11 +144,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         """Stop working; keep everything that `activate` needs to continue."""
 
     def cleanup(self) -> None:
-        """Release what `configure` acquired, other than topics, services and timers."""
-
-    def changeable_at_runtime(self, name: str) -> bool:  # noqa: ARG002
-        """Return whether a running node accepts a change of this parameter; all other parameters are read-only."""
-        return True
+        """Release what `configure` acquired, also if it failed, other than topics, services and timers."""
 
     def check_settings(self, settings: T) -> None:
         """Raise ValueError for settings that the node cannot work with; such settings are refused, also at start."""
@@ -375,7 +374,7 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """
-        Configure completely, or destroy what was created and return FAILURE.
+        Configure completely, or release what was acquired and return FAILURE.
 
         If SROS2 refused a topic, service or action, the process ends too.
         """
@@ -384,7 +383,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         except Exception as error:  # noqa: BLE001  (the lifecycle would swallow the reason)
             expected = isinstance(error, (OSError, ValueError, RuntimeError))
             self.get_logger().error(printable(f"cannot configure: {error if expected else traceback.format_exc()}"))
-            self._destroy_entities()
+            self._release()
             if isinstance(error, RefusedEntityError) and is_enforced(os.environ):
                 # The permissions are read once, at the start of the process, so a second try would fail as well.
                 self._stop(error)

@@ -34,7 +34,6 @@ class MiddlewareEvents:
 
     Parameters
     ----------
-    node : rclpy.node.Node
     clock : callable
         Returns steady time, s.
     """

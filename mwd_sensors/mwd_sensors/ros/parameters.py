@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -44,8 +43,8 @@ class SettingsParameters(Generic[T]):
     Every field of the dataclass is declared under its dotted name with meaning, unit, range and read-only flag. A
     change is checked as a whole, by the rules of a configuration file and by `check`, which raises ValueError for
     settings that the node cannot work with. A refused change has no effect; after an accepted change `changed` is
-    called with the settings in force. `given`: values given at start, see `given_at_start`. `live` decides which names
-    can change at run time; all other names are read-only.
+    called with the settings in force. `given`: values given at start, see `given_at_start`. `changeable`:
+    beginnings of the names that can change at run time; all other names are read-only.
 
     Raises
     ------
@@ -59,7 +58,7 @@ class SettingsParameters(Generic[T]):
         given: Mapping[str, Any],
         default: T,
         changed: Callable[[T], None],
-        live: Callable[[str], bool],
+        changeable: tuple[str, ...],
         check: Callable[[T], None],
     ) -> None:
         self._given = given
@@ -72,9 +71,8 @@ class SettingsParameters(Generic[T]):
         self._refuse_unknown(node)
         start = {}
         for name, (value, rule) in self._names.items():
-            start[name] = self._declare(
-                node, name, value, rule if live(name) else dataclasses.replace(rule, fixed=True)
-            )
+            descriptor = describe(name, value, rule, changeable=name.startswith(changeable))
+            start[name] = self._declare(node, value, rule, descriptor)
         self.value = settings.changed(default, start)
         try:
             self._accept(self.value)
@@ -88,8 +86,8 @@ class SettingsParameters(Generic[T]):
             if name not in self._names and not node.has_parameter(name):
                 raise SettingsError(settings.unknown_key(name, self._names, ""))
 
-    def _declare(self, node: Node, name: str, value: Any, rule: Rule) -> Any:
-        descriptor = describe(name, value, rule)
+    def _declare(self, node: Node, value: Any, rule: Rule, descriptor: ParameterDescriptor) -> Any:
+        name = descriptor.name
         # An empty list has no element type; ROS carries sequences as lists.
         plain = list(value) if isinstance(value, (list, tuple)) else value
         # NaN stands for a number that is not given. The descriptor then has no range, because ROS would refuse NaN; the
@@ -122,9 +120,9 @@ class SettingsParameters(Generic[T]):
             self._changed(self.value)
 
 
-def describe(name: str, value: Any, rule: Rule) -> ParameterDescriptor:
+def describe(name: str, value: Any, rule: Rule, *, changeable: bool) -> ParameterDescriptor:
     """Return the descriptor with meaning, unit and range; a missing bound is the largest float, for integers 2^62."""
-    descriptor = ParameterDescriptor(name=name, description=rule.text(), read_only=rule.fixed)
+    descriptor = ParameterDescriptor(name=name, description=rule.text(), read_only=not changeable)
     if rule.low is None and rule.high is None:
         return descriptor
     if isinstance(value, float):

@@ -19,9 +19,9 @@ from collections.abc import Callable
 
 from mwd_sensors.core.stop_time import STOP_LIMIT, StopTime
 
-_LOOK_PERIOD = 0.2  # s; time between two checks whether the process is late
-_LOCK_PATIENCE = 1.0  # s; extra time for a thread that holds the interpreter's lock
-_START_PATIENCE = 2.0  # s; time for a node that is still starting when the signal arrives
+_LOOK_PERIOD = 0.2  # time between two checks whether the process is late, s
+_LOCK_PATIENCE = 1.0  # extra time for a thread that holds the interpreter's lock, s
+_START_PATIENCE = 2.0  # time for a node that is still starting when the signal arrives, s
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 

@@ -64,7 +64,6 @@ class BatteryModel:
 
     Parameters
     ----------
-    settings : SondeBattery
     rng : Generator
         Random numbers for the errors of the meters.
 

@@ -40,7 +40,6 @@ class CarrierSent:
 
     Attributes
     ----------
-    words : tuple of SentWord
     spans : tuple of CarrierSpan
         Spans of symbols in order of time.
     frequency_hz, symbol_s : float
@@ -178,8 +177,10 @@ def siren_run(
     """
     Return the simulated standpipe pressure with a siren in place of the valve.
 
-    sent : signal of the siren. seconds : duration, s. seed : seed of the noise. amplitude_pa : amplitude of the siren,
-    Pa.
+    sent : signal of the siren.
+    seconds : duration, s.
+    seed : seed of the noise.
+    amplitude_pa : amplitude of the siren, Pa.
     """
     siren = dataclasses.replace(channel, valve_pa=amplitude_pa, rise_s=_SIREN_RISE_S)
     return link_run(siren, SentTransmission(sent.words, np.zeros((0, 2))), seconds, seed, sent.drive)

@@ -62,14 +62,7 @@ class CoilChannel:
     volt_per_t: float = setting(1.0e9, "Voltage of the receiver for a field of 1 T.", unit="V/T", low=1.0, high=1e15)
 
     def __post_init__(self) -> None:
-        """
-        Check the direction.
-
-        Raises
-        ------
-        ValueError
-            All components of the axis are 0.
-        """
+        """Raise ValueError if all components of the axis are 0."""
         if not any(self.axis):
             raise ValueError("axis: all three components are 0; give a direction")
 
@@ -80,8 +73,6 @@ class CoilVoltage:
 
     Parameters
     ----------
-    channel : CoilChannel
-    coil : Coil
     place : callable
         Position and direction of the sonde at a time; called for the ends of the blocks.
     drive : callable

@@ -62,7 +62,6 @@ class EarthVoltage:
 
     Parameters
     ----------
-    channel : EarthChannel
     drive : callable
         Source signal as a share of its full voltage, shape (n,), at times, s, shape (n,).
     seed : int

@@ -54,13 +54,13 @@ class Ground:
         """
         Check the layers.
 
-        Raises
-        ------
-        ValueError
-            The numbers of layers and resistivities differ, layers are out of order, or the bit is below the last layer.
+        Raises ValueError if the numbers of layers and resistivities differ, layers are out of order, or the bit is
+        below the last layer.
         """
         if len(self.bottom_m) != len(self.resistivity):
-            raise ValueError(f"resistivity: {len(self.bottom_m)} layers need as many, got {len(self.resistivity)}")
+            raise ValueError(
+                f"resistivity: {len(self.bottom_m)} layers need as many values, got {len(self.resistivity)}"
+            )
         if list(self.bottom_m) != sorted(set(self.bottom_m)):
             raise ValueError(f"bottom_m: layers must go down, got {self.bottom_m}")
         if self.bottom_m[-1] < self.depth_m:

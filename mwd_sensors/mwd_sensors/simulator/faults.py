@@ -103,16 +103,7 @@ class MessageFaults:
 
 
 def check(fault: Fault) -> None:
-    """
-    Raise ValueError for a fault that is not possible.
-
-    Raises
-    ------
-    ValueError
-        A fault of whole messages, a fault of the temperature sensor, or a wrong unit (`in_g` and others) is given for
-        one axis; a fault of `MOUNTING` is given for the temperature sensor; a wrong unit is a unit of another quantity;
-        two axes are given for a fault other than a swap; a swap does not have two axes; or a turn has no axis.
-    """
+    """Raise ValueError if the fault does not fit its component, or needs other axes; the message says why."""
     if fault.axis != "all" and fault.component == "temperature":
         raise ValueError(f"the temperature sensor has no axes: axis must be 'all', not {fault.axis!r}")
     if fault.axis != "all" and fault.fault in _OF_MESSAGES:
@@ -294,8 +285,8 @@ class LinkState:
     """
     State of the connection of one topic.
 
-    burst_start : simulation time of the present or next interval without messages, s. waiting : message that the next
-    message will overtake; None if there is none.
+    burst_start : simulation time of the present or next interval without messages, s.
+    waiting : message that the next message will overtake; None if there is none.
     """
 
     link: MessageFaults

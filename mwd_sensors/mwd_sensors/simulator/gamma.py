@@ -108,7 +108,6 @@ class GammaDetector:
 
     Parameters
     ----------
-    settings : Gamma
     path : WellPath
         The hole.
     rng : Generator

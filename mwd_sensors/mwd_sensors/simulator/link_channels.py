@@ -68,7 +68,6 @@ class Heard(NamedTuple):
 
     Attributes
     ----------
-    link : str
     start_s, period_s : float
         Simulation time of the first sample, s, and time between samples, s.
     values : ndarray, shape (n,)
@@ -106,8 +105,6 @@ class MudLink:
 
     Parameters
     ----------
-    channel : MudChannel
-    seed : int
     flow : callable
         Returns the flow as a share of its full value at times, s.
     """
@@ -148,14 +145,7 @@ class MudLink:
 
 
 class EarthLink:
-    """
-    Link through the earth, by a carrier.
-
-    Parameters
-    ----------
-    channel : EarthChannel
-    seed : int
-    """
+    """Link through the earth, by a carrier."""
 
     def __init__(self, channel: EarthChannel, seed: int) -> None:
         self._ground = channel.ground
@@ -186,11 +176,8 @@ class CoilLink:
 
     Parameters
     ----------
-    channel : CoilChannel
-    coil : Coil
     place : callable
         Position and direction of the sonde at a time.
-    seed : int
     """
 
     def __init__(self, channel: CoilChannel, coil: Coil, place: Place, seed: int) -> None:
@@ -214,15 +201,7 @@ class CoilLink:
 
 
 class WireLink:
-    """
-    Link over a wire, by serial frames.
-
-    Parameters
-    ----------
-    channel : SerialChannel
-    baud : int
-    seed : int
-    """
+    """Link over a wire, by serial frames."""
 
     def __init__(self, channel: SerialChannel, baud: int, seed: int) -> None:
         self._period_s = BITS_PER_BYTE / baud

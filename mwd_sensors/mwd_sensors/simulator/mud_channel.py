@@ -47,7 +47,6 @@ class PumpStream:
 
     Parameters
     ----------
-    pump : Pump
     flow : float
         Mean flow of this pump, m^3/s.
     random : numpy Generator
@@ -152,7 +151,6 @@ class Pressure:
 
     Parameters
     ----------
-    channel : MudChannel
     pulses : ndarray, shape (n, 2)
         Begin and end of each pulse of the valve after the start, s, in order of time.
     seed : int

@@ -106,7 +106,6 @@ def responses(well: WellGeometry, frequency_hz: Array) -> tuple[Complex, Complex
 
     Parameters
     ----------
-    well : WellGeometry
     frequency_hz : ndarray, shape (n,)
         Frequencies, Hz, above 0.
 

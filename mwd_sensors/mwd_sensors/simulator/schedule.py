@@ -391,7 +391,8 @@ class ProfileBuilder:
     """
     Builder of a `Profile`, to which pieces are added one after the other; starts with a value and a rate.
 
-    time : end of the last piece, s. value, rate : value at that time, and the value's rate of change per s.
+    time : end of the last piece, s.
+    value, rate : value at that time, and the value's rate of change per s.
     """
 
     def __init__(self, value: float = 0.0, rate: float = 0.0) -> None:

@@ -25,15 +25,7 @@ class SerialChannel:
 
 
 class SerialStream:
-    """
-    Serial line that changes and loses bytes and breaks at random times.
-
-    Parameters
-    ----------
-    channel : SerialChannel
-    baud : int
-    seed : int
-    """
+    """Serial line that changes and loses bytes and breaks at random times."""
 
     def __init__(self, channel: SerialChannel, baud: int, seed: int) -> None:
         self._channel, self._byte_s = channel, serial_frames.BITS_PER_BYTE / baud

@@ -49,7 +49,7 @@ _STREAMS = (
 # Streams that differ from one start of the same tool to the next: a real sensor never has the same noise twice.
 _NOISE = ("ahrs_run", "precision_run", "mag_run", "gamma")
 _STEPS = 20  # largest number of steps that are simulated together; more of them would not fit in the cache
-_TURNING = 0.5  # rad/s; at a lower speed of the top drive the activity is sliding
+_TURNING = 0.5  # speed of the top drive below which the activity is sliding, rad/s
 
 
 class Sonde:
@@ -521,7 +521,7 @@ class TrueInputs:
 # Flow of pumps that obey commands: the scheduled flow times a share that ramps to a command and back to 1.
 
 
-_KEPT_S = 600.0  # s; time for which past shares are kept, because pressure and tool flow are computed later
+_KEPT_S = 600.0  # time for which past shares are kept, s, because pressure and tool flow are computed later
 
 
 class CommandedFlow:

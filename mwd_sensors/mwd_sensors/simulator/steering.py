@@ -174,10 +174,8 @@ def check(command: SteeringCommand, steering: Steering) -> None:
     """
     Raise ValueError if the rig cannot carry out a command.
 
-    Raises
-    ------
-    ValueError
-        The mode is unknown, a number is not finite or outside the rig's limits, or the validity is not positive.
+    The reason is an unknown mode, a number that is not finite or outside the rig's limits, or a validity that is not
+    positive.
     """
     if command.mode not in range(RELEASE + 1):
         raise ValueError(f"mode: must be 0 (hold), 1 (rotate), 2 (orient), 3 (pump) or 4 (release), got {command.mode}")
@@ -197,7 +195,6 @@ class String:
 
     Parameters
     ----------
-    steering : Steering
     timeline : Timeline
         Schedule of depth, weight and pumps; before the first command also of the rotation.
     toolface : float

@@ -53,14 +53,7 @@ class Telemetry:
     serial: SerialChannel = setting(SerialChannel, "Errors of the line of a wired tool.")
 
     def __post_init__(self) -> None:
-        """
-        Check the links.
-
-        Raises
-        ------
-        ValueError
-            Both tool configurations use the same link.
-        """
+        """Raise ValueError if both tool configurations use the same link."""
         if self.second_tool is not None and self.second_tool.link == self.tool.link:
             raise ValueError(f"second_tool: uses the link {self.tool.link} like the first tool; give it another code")
 
@@ -76,7 +69,6 @@ class TelemetryLink:
 
     Parameters
     ----------
-    telemetry : Telemetry
     timeline : Timeline
         Depth and pumps of the simulation.
     rig : Rig

@@ -57,13 +57,10 @@ class Carrier:
     frequency_hz: float = setting(
         12.0,
         "Frequency of the carrier; with a coil, the frequency of the changes of field strength that carry the symbols.",
-        unit="Hz",
         low=0.5,
         high=200.0,
     )
-    symbol_rate_hz: float = setting(
-        2.5, "Symbols per second. A lower rate reaches greater depth.", unit="Hz", low=0.1, high=50.0
-    )
+    symbol_rate_hz: float = setting(2.5, "Symbols per second. A lower rate reaches greater depth.", low=0.1, high=50.0)
     block_bits: int = setting(
         40,
         "Bits of words in a block, a multiple of 8. Longer blocks have less overhead (marker, check) and more delay.",
@@ -73,14 +70,7 @@ class Carrier:
     )
 
     def __post_init__(self) -> None:
-        """
-        Check the block and the band.
-
-        Raises
-        ------
-        ValueError
-            The block is not a whole number of bytes, or the band reaches down to zero frequency.
-        """
+        """Raise ValueError if the block is not a whole number of bytes, or the band reaches down to zero frequency."""
         if self.block_bits % 8:
             raise ValueError(f"block_bits: must be a multiple of 8, got {self.block_bits}")
         if self.frequency_hz < self.symbol_rate_hz:
@@ -117,7 +107,6 @@ class Coil:
     frequency_hz: float = setting(
         8025.0,
         "Frequency of the field. Midway between two harmonics of the mains the receiver is disturbed least.",
-        unit="Hz",
         low=500.0,
         high=100_000.0,
     )

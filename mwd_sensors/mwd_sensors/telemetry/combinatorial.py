@@ -30,14 +30,7 @@ MOST_BITS = 16
 
 
 def check(items: Sequence[SequenceItem]) -> None:
-    """
-    Raise ValueError for words that the code cannot send.
-
-    Raises
-    ------
-    ValueError
-        A word is longer than `MOST_BITS`, parity included.
-    """
+    """Raise ValueError if a word is longer than `MOST_BITS`, parity included."""
     for item in items:
         if item.length > MOST_BITS:
             raise ValueError(f"{item.name} has {item.length} bits; the combinatorial code takes {MOST_BITS} at most")

@@ -3,10 +3,10 @@
 Downlink: commands from the surface to the tool by changes of flow or rotation.
 
 A command has 18 bits: counter, command, argument and a check. The 18 bits are sent as symbols (D-WIS ADCS: ramp, hold,
-amplitude) of two bits each, with four levels from the drilling value down to `depth` below it. One symbol at the lowest
-level and one at the drilling value precede the data, so that the tool can measure both ends of the scale; the drilling
-value ends the command. A hold lasts two periods of the string's torsional oscillation, so that stick-slip does not
-change the mean of the hold.
+amplitude) of two bits each, with four levels from the drilling value (flow or rotary speed while drilling) down to
+`depth` below it. One symbol at the lowest level and one at the drilling value precede the data, so that the tool can
+measure both ends of the scale; the drilling value ends the command. A hold lasts two periods of the string's torsional
+oscillation, so that stick-slip does not change the mean of the hold.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ECHO_WORD = "DLnk"
 """Word of the uplink that repeats the last received command (`DownlinkFrame.echo`); 0 means that none was received."""
 
 _DATA_SYMBOLS = 9
-# Default of the lowest drilling value at which commands are sent and accepted, rad/s and m^3/s.
+# Default of `Downlink.least`, the lowest drilling value with commands: rotary speed, rad/s, and flow, m^3/s.
 _LEAST = {ROTATION: 4.0, FLOW: 0.01}
 # Gray code: neighbouring levels differ in one bit, so that the most likely symbol error is one bit error.
 _GRAY = (0b00, 0b01, 0b11, 0b10)
@@ -46,7 +46,6 @@ class Downlink:
         5.6,
         "Time to change from one level to the next. Raise it for slow pumps or a soft top drive; each symbol takes "
         "longer.",
-        unit="s",
         low=0.5,
         high=120.0,
     )
@@ -54,46 +53,39 @@ class Downlink:
         11.2,
         "Time for which a level is held; for rotation, two torsional periods of the string (2 x 5.6 s at 3 km). "
         "Raising it makes weaker changes detectable; each symbol takes longer.",
-        unit="s",
         low=1.0,
         high=240.0,
     )
     depth: float = setting(
         0.4,
-        "Distance of the lowest level below the drilling value, as a share of it; 0.4 suits rotation, 0.2 flow. "
-        "Raise it if commands are missed; the rig then changes more, and flow must stay above the tool's threshold.",
+        "Largest reduction of rotary speed or flow in a command, as a share of the value while drilling; 0.4 suits "
+        "rotation, 0.2 flow. Raise it if commands are missed; the rig then changes more, and flow must stay above the "
+        "tool's threshold.",
         low=0.02,
         high=0.9,
     )
     least: float = setting(
         0.0,
-        "Lowest drilling value at which commands are sent and accepted: rad/s of rotation, m^3/s of flow. 0 means 4 "
-        "rad/s or 0.01 m^3/s. Raise it if noise at a low value looks like commands.",
+        "Lowest rotary speed (rad/s) or flow (m^3/s) while drilling at which commands are sent and accepted. 0 means "
+        "4 rad/s or 0.01 m^3/s. Raise it if noise at a low value looks like commands.",
         unit="rad/s or m^3/s",
         low=0.0,
         high=100.0,
     )
     pulse_widths_s: tuple[float, ...] = setting(
-        (0.3, 0.5, 0.8, 1.0, 1.5), "Pulse widths that a command can select.", unit="s", low=0.02, high=20.0
+        (0.3, 0.5, 0.8, 1.0, 1.5), "Pulse widths that a command can select.", low=0.02, high=20.0
     )
-    carriers_hz: tuple[float, ...] = setting((), "Carriers that a command can select.", unit="Hz", low=0.1, high=200.0)
+    carriers_hz: tuple[float, ...] = setting((), "Carriers that a command can select.", low=0.1, high=200.0)
 
     def __post_init__(self) -> None:
-        """
-        Check the tables.
-
-        Raises
-        ------
-        ValueError
-            A table has more entries than an argument can number.
-        """
+        """Raise ValueError if a table has more entries than an argument can number."""
         for name in ("pulse_widths_s", "carriers_hz"):
             if len(getattr(self, name)) > ARGUMENTS:
                 raise ValueError(f"{name}: a command can choose among {ARGUMENTS}, got {len(getattr(self, name))}")
 
     @property
     def least_value(self) -> float:
-        """Lowest drilling value at which commands are sent and accepted, rad/s or m^3/s."""
+        """Lowest rotary speed, rad/s, or flow, m^3/s, during drilling at which commands are sent and accepted."""
         return self.least or _LEAST[self.medium]
 
     @property
@@ -219,14 +211,7 @@ def amplitude(level: float, downlink: Downlink) -> float:
 
 
 def programme(frame: DownlinkFrame, downlink: Downlink) -> DownlinkProgramme:
-    """
-    Return the set-points that send a command.
-
-    Raises
-    ------
-    ValueError
-        The errors of `levels`.
-    """
+    """Return the set-points that send a command. Raises ValueError as `levels` does."""
     return DownlinkProgramme(
         tuple(Symbol(downlink.ramp_s, downlink.hold_s, amplitude(level, downlink)) for level in levels(frame, downlink))
     )

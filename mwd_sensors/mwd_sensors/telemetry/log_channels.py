@@ -68,7 +68,6 @@ class LogChannel:
         10,
         "Length of the interval over which a value is averaged. A longer interval lowers the statistical error of "
         "counts and blurs thin beds: at 30 m/h, 10 s are 8 cm.",
-        unit="s",
         low=1,
         high=600,
     )
@@ -84,7 +83,6 @@ class LogChannel:
         None,
         "Distance of the sensor from the bit; none: the distance of the sonde. The surface uses this distance for "
         "values that were received as words.",
-        unit="m",
         low=0.0,
         high=100.0,
     )
@@ -93,10 +91,8 @@ class LogChannel:
         """
         Check the sectors.
 
-        Raises
-        ------
-        ValueError
-            There are 1 to 3 sectors, another source than gamma has sectors, or the number of sector words differs.
+        Raises ValueError if there are 1 to 3 sectors, another source than gamma has sectors, or the number of sector
+        words differs.
         """
         if self.sectors and (self.sectors < 4 or self.source != GAMMA):
             raise ValueError(f"sectors: must be 0, or 4 to {MOST_SECTORS} of a gamma detector, got {self.sectors}")

@@ -86,14 +86,7 @@ def si_unit(unit: str) -> str:
 
 
 def check_unit(name: str, unit: str) -> None:
-    """
-    Raise ValueError for a unit that does not measure the quantity of a word with this name.
-
-    Raises
-    ------
-    ValueError
-        The unit does not fit; the message lists the units that do.
-    """
+    """Raise ValueError for a unit that does not fit the word with this name; the message lists the units that fit."""
     found = MEANINGS.get(name.lower())
     fitting = [one for one, (si, _) in _UNITS.items() if found is not None and si == found.unit]
     if found is not None and unit not in fitting:

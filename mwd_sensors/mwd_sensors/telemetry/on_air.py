@@ -56,7 +56,6 @@ def groups(tool: ToolConfiguration, kind: str, number: int) -> tuple[Group, ...]
 
     Parameters
     ----------
-    tool : ToolConfiguration
     kind : str
         "survey" or "toolface"; no groups if the tool sends no such sequence.
     number : int
@@ -80,8 +79,6 @@ def signal(tool: ToolConfiguration, group: Group, sent: Sequence[int], counter: 
 
     Parameters
     ----------
-    tool : ToolConfiguration
-    group : Group
     sent : sequence of int
         Transmitted codes, including parity bits, as from `ToolConfiguration.sent`.
     counter : int

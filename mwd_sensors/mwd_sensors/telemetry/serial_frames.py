@@ -39,7 +39,7 @@ class SerialLine:
     baud: int = setting(
         9600, "Speed of the line; 8 data bits, no parity, 1 stop bit.", unit="bit/s", low=50, high=4_000_000
     )
-    period_s: float = setting(1.0, "Time from one frame to the next.", unit="s", low=0.0, high=3600.0)
+    period_s: float = setting(1.0, "Time from one frame to the next.", low=0.0, high=3600.0)
 
 
 class SerialFrame(NamedTuple):
@@ -52,14 +52,7 @@ class SerialFrame(NamedTuple):
 
 
 def check(items: Sequence[SequenceItem]) -> None:
-    """
-    Raise ValueError for a sequence that is too long for a frame.
-
-    Raises
-    ------
-    ValueError
-        The words are longer than one COBS block, so that a frame would not have a fixed length.
-    """
+    """Raise ValueError if the words are longer than one COBS block: a frame would then not have a fixed length."""
     if _HEADER_BYTES + payload_bytes(items) + CRC_BYTES >= _LONGEST:
         raise ValueError(f"{payload_bytes(items)} bytes are too many for a serial frame; at most {_LONGEST - 6} fit")
 
@@ -114,7 +107,6 @@ def encode(
         Number that rises by one with each frame; its low 8 bits are sent.
     codes : sequence of int
         Codes of the words, including parity bits.
-    items : sequence of SequenceItem
     start : int
         Start value of the check.
     """

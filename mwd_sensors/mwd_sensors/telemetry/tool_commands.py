@@ -108,7 +108,6 @@ def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]
 
     Parameters
     ----------
-    tool : ToolConfiguration
     name : str
         One of `COMMANDS`.
     value : float

@@ -60,11 +60,8 @@ class Sync:
         """
         Check the pulses.
 
-        Raises
-        ------
-        ValueError
-            There are fewer than three edges (noise would look like a sync), edges are out of order or overlap, or the
-            length is too short.
+        Raises ValueError if there are fewer than three edges (noise would look like a sync), edges are out of order or
+        overlap, or the length is too short.
         """
         if len(self.edges_tu) < 3:
             raise ValueError(f"edges_tu: a sync needs three pulses or more, got {len(self.edges_tu)}")
@@ -83,7 +80,7 @@ class ToolConfiguration:
         "Code of the words: pulses (mary, combinatorial), phases of a carrier (psk) or a serial line (serial).",
         choices=(*PULSE_CODES, "psk", "serial"),
     )
-    pulse_width_s: float = setting(0.8, "Duration of a pulse; 1 TU is half of it.", unit="s", low=0.02, high=20.0)
+    pulse_width_s: float = setting(0.8, "Duration of a pulse; 1 TU is half of it.", low=0.02, high=20.0)
     sync: Sync = setting(Sync, "Pulse pattern that starts a transmission.")
     carrier: Carrier = setting(Carrier, "Carrier and its blocks, for the code psk.")
     coil: Coil = setting(Coil, "Coil of a sonde, for a carrier with the medium coil.")
@@ -105,11 +102,10 @@ class ToolConfiguration:
         600.0,
         "Flow above which the tool considers the pumps on. Raise it if some flow remains during connections. Except "
         "on a wire, the tool is silent below it.",
-        unit="l/min",
         low=1.0,
         high=20000.0,
     )
-    transmit_delay_s: float = setting(45.0, "Time from flow-on to the sync.", unit="s", low=0.0, high=3600.0)
+    transmit_delay_s: float = setting(45.0, "Time from flow-on to the sync.", low=0.0, high=3600.0)
     downlink: Downlink | None = setting(None, "Downlink for commands from the surface; none if the tool accepts none.")
     words: dict[str, Word] = setting({}, "Ranges of words by name; they replace the ranges that kits commonly use.")
     channels: dict[str, LogChannel] = setting(
@@ -129,11 +125,9 @@ class ToolConfiguration:
         """
         Check the sequences.
 
-        Raises
-        ------
-        ValueError
-            The code cannot send a sequence, or a sequence cannot be read; the survey is missing; the header has one
-            bit, or too few bits to number the sequences; or the unit of a word is not a unit of its quantity.
+        Raises ValueError if the code cannot send a sequence, or a sequence cannot be read; the survey is missing; the
+        header has one bit, or too few bits to number the sequences; or the unit of a word is not a unit of its
+        quantity.
         """
         for name, word in self.words.items():
             try:
@@ -301,8 +295,6 @@ def encode(
 
     Parameters
     ----------
-    tool : ToolConfiguration
-    items : tuple of SequenceItem
     codes : tuple of int
         Value of each word without parity; None for a missing measurement.
     number : int, optional

@@ -37,8 +37,8 @@ class Pack:
         ((-20.0, 0.6), (25.0, 1.0), (100.0, 0.95), (150.0, 0.8)),
         "Share of the capacity that the battery gives at a temperature: rows of degC and share.",
     )
-    active_a: float = setting(0.4, "Mean current while the pumps are on.", unit="A", low=0.0, high=100.0)
-    idle_a: float = setting(0.06, "Mean current while the pumps are off.", unit="A", low=0.0, high=100.0)
+    active_a: float = setting(0.4, "Mean current while the pumps are on.", low=0.0, high=100.0)
+    idle_a: float = setting(0.06, "Mean current while the pumps are off.", low=0.0, high=100.0)
     used_ah: float = setting(
         0.0, "Charge used before this run. Not needed for a tool that counts and sends its charge.", unit="A h", low=0.0
     )
@@ -73,11 +73,10 @@ class BatteryLimits(Pack):
         0.0,
         "Voltage at which the tool stops working; below it an alarm is raised. It depends on the number of cells in "
         "series. 0: not known, no alarm.",
-        unit="V",
         low=0.0,
         high=1000.0,
     )
-    warning_h: float = setting(24.0, "Remaining time below which an alarm is raised.", unit="h", low=0.0, high=10000.0)
+    warning_h: float = setting(24.0, "Remaining time below which an alarm is raised.", low=0.0, high=10000.0)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -43,10 +43,8 @@ class Word:
         """
         Check the range.
 
-        Raises
-        ------
-        ValueError
-            high is not above low, low of a logarithmic word is not above 0, or the word has a single bit.
+        Raises ValueError if `high` is not above `low`, `low` of a logarithmic word is not above 0, or the word has a
+        single bit.
         """
         if not self.high > self.low:
             raise ValueError(f"high: must be above low ({self.low:g}), got {self.high:g}")

@@ -30,7 +30,7 @@ class Node:
 
 @dataclasses.dataclass(frozen=True)
 class Needed:
-    depth: float = setting(doc="must be given", unit="m")
+    depth_m: float = setting(doc="must be given")
 
 
 def test_defaults_round_trip_through_plain_tables():
@@ -66,9 +66,9 @@ def test_what_is_wrong_is_named(given, message):
 
 
 def test_a_setting_without_default_must_be_given():
-    with pytest.raises(SettingsError, match=r"depth: must be given.*\[m\]"):
+    with pytest.raises(SettingsError, match=r"depth_m: must be given.*\[m\]"):
         from_mapping(Needed, {})
-    assert from_mapping(Needed, {"depth": 3}).depth == 3.0
+    assert from_mapping(Needed, {"depth_m": 3}).depth_m == 3.0
 
 
 def test_whole_numbers_do_for_real_ones_and_none_for_optional_ones():

@@ -148,6 +148,7 @@ WHERE = sys.argv[1]
 def fail(where):
     if where == WHERE: raise KeyError(where)
 class Failing(GraphNode):
+    changeable = ("gain",)
     def configure(self): self.add_timer(0.05, lambda: fail("timer"))
     def diagnostics(self): fail("diagnostics"); return ()
     def on_settings_changed(self, settings): fail("parameters")

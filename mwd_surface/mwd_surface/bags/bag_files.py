@@ -274,7 +274,9 @@ class BagFiles:
         # as fast as a single file.
         fresh = {number for number, one in contents.channels.items() if one.topic not in self._probed}
         problems = _probed(file, contents, fresh)
-        filled = [k for k in fresh if contents.counts.get(k, 0) and contents.channels[k].encoding.lower() == CDR]
+        filled = [
+            k for k in fresh if contents.counts.get(k, 0) and contents.channels[k].message_encoding.lower() == CDR
+        ]
         if self._all_packed([problems.get(number, "") for number in filled]):
             problems = {}
         self._probed |= {contents.channels[number].topic for number in fresh if contents.counts.get(number, 0)}
@@ -284,7 +286,7 @@ class BagFiles:
         for number, channel in contents.channels.items():
             schema = contents.schemas.get(channel.schema_id)
             kind, declared = (schema.encoding, schema.name) if schema else ("", "")
-            type_name, encoding, problem = read_as(channel.encoding, kind, declared)
+            type_name, encoding, problem = read_as(channel.message_encoding, kind, declared)
             former = self.unreadable.get(channel.topic)
             problem = problem or problems.get(number, former.problem if former and number not in fresh else "")
             there = self.unreadable if problem else self.topics
@@ -456,7 +458,7 @@ def _probed(file: McapFile, contents: Contents, numbers: set[int]) -> dict[int, 
     waiting = {
         number
         for number in numbers
-        if contents.channels[number].encoding.lower() == CDR and contents.counts.get(number, 0)
+        if contents.channels[number].message_encoding.lower() == CDR and contents.counts.get(number, 0)
     }
     problems: dict[int, str] = {}
     decompress = Decompressor()
@@ -496,7 +498,6 @@ class DatabaseFiles:
 
     Parameters
     ----------
-    files : list of Path
     scratch : callable
         Returns a temporary folder that exists as long as the bag is open.
 
@@ -635,7 +636,7 @@ def check_database(path: Path) -> None:
         with contextlib.closing(sqlite3.connect(f"file:{quote(str(path))}?mode=ro", uri=True)) as database:
             rows = database.execute("SELECT type, name, sql FROM sqlite_master").fetchmany(1000)
     except sqlite3.Error as error:
-        raise FormatError(f"it is not a database that can be read: {error}") from error
+        raise FormatError(f"it is not a readable SQLite database: {error}") from error
     for kind, name, sql in rows:
         if kind == "index" or (kind == "table" and not _COMPUTED & set(str(sql or "").upper().split())):
             continue

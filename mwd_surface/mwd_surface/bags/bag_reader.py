@@ -9,27 +9,32 @@ messages are read through `rosbags`, which is slower; `Bag.notes` then has a rem
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Metadata
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Stamps
 from mwd_sensors.core.foreign_text import first_of
 from mwd_surface.bags.bag_files import BagError, BagFiles, TopicInfo
 from mwd_surface.bags.definitions import is_ours
-from mwd_surface.bags.mcap.decode import parse_attachment, parse_metadata
-from mwd_surface.bags.mcap.records import Attachment, FormatError, Opcode
-from mwd_surface.bags.message_parts import NEVER, Block, Decoded, MessagePart, Originals, blocks_of, part_of
+from mwd_surface.bags.mcap.decode import parse, parse_attachment
+from mwd_surface.bags.mcap.records import FormatError
+from mwd_surface.bags.message_parts import NEVER, Block, Decoded, MessagePart, blocks_of, part_of
 from mwd_surface.bags.part_stream import PartStream
 from mwd_surface.bags.sample_decoder import Fields, SampleDecoder
 from mwd_surface.bags.topic_info import REMEDY, listed, quantity_of
 
 # Types that users of a bag need can be imported from this module.
-__all__ = ["Bag", "BagError", "Block", "Message", "Originals", "TopicInfo"]
+__all__ = ["Bag", "BagError", "Block", "Message", "MessagePart", "TopicInfo"]
+
+E = TypeVar("E", Attachment, Metadata)
 
 # Log time in ns, topic, type and bytes of a message.
 Message = tuple[int, str, str, bytes]
@@ -201,16 +206,18 @@ class Bag:
         end_ns: int | None = None,
         block_messages: int = 16384,
         fields: Fields | None = None,
-    ) -> Iterator[tuple[Block, list[Originals]]]:
+    ) -> Iterator[tuple[Block, list[MessagePart]]]:
         """
         Yield blocks of samples like `blocks`, each with the unchanged messages of all topics in the block's time span.
+
+        The channel number of an unchanged message is the position of its topic in `carried`.
 
         Each block but the last has at least `block_messages` messages of all topics, and more if many chunks overlap in
         time. A block may have no sample. Arguments and errors as in `blocks`.
         """
         wanted = set(self._checked(topics))
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
-        originals: list[Originals] = []
+        originals: list[MessagePart] = []
         count = 0
         for group in self._stream.groups(list(self.carried), start_ns, end_ns, lambda part: part):
             for part in group:
@@ -262,7 +269,7 @@ class Bag:
 
     def attachments(self) -> list[Attachment]:
         """Return the files stored inside the bag; damaged files are noted and left out."""
-        return [parse_attachment(body) for body in self._extra("attachments", Opcode.ATTACHMENT)]
+        return list(self._extra("attachments", Opcode.ATTACHMENT, parse_attachment))
 
     def metadata(self) -> dict[str, dict[str, str]]:
         """
@@ -270,7 +277,8 @@ class Bag:
 
         If several files of the bag have a table of the same name, the table in the last file is returned.
         """
-        return dict(parse_metadata(body) for body in self._extra("metadata", Opcode.METADATA))
+        tables = self._extra("metadata", Opcode.METADATA, functools.partial(parse, Metadata))
+        return {table.name: table.metadata for table in tables}
 
     def close(self) -> None:
         """Close the files."""
@@ -318,7 +326,7 @@ class Bag:
     def _part_names(self, part: MessagePart) -> Mapping[int, str]:
         return self._opened.names[part.file] if self._opened.other is None else dict(enumerate(self.carried))
 
-    def _originals(self, part: MessagePart) -> Originals:
+    def _originals(self, part: MessagePart) -> MessagePart:
         if self._opened.message_compression:
             rows = []
             for log_ns, at, size, channel in zip(part.log_ns, part.offset, part.size, part.channel, strict=True):
@@ -328,24 +336,18 @@ class Bag:
             plain = part_of(rows)
             part = dataclasses.replace(plain, rank=part.rank, file=part.file)
         places = {name: place for place, name in enumerate(self.carried)}
-        table = np.zeros(65536, dtype=np.int64)
+        table = np.zeros(65536, dtype=np.uint16)
         for channel, name in self._part_names(part).items():
             table[channel] = places[name]
-        return Originals(part.data, part.log_ns, part.offset, part.size, table[part.channel], part.framed)
+        return dataclasses.replace(part, channel=table[part.channel])
 
-    def _extra(self, kind: str, opcode: int) -> Iterator[bytes]:
+    def _extra(self, kind: str, opcode: int, parser: Callable[[bytes], E]) -> Iterator[E]:
         for file, contents in self._opened.mcap:
             for offset, _ in getattr(contents, kind):
                 try:
-                    body = file.body(offset, opcode)
-                    if opcode == Opcode.ATTACHMENT:
-                        parse_attachment(body)
-                    else:
-                        parse_metadata(body)
+                    yield parser(file.body(offset, opcode))
                 except FormatError as error:
                     self._note_once(f"one of the {kind} is damaged and left out: {error}")
-                    continue
-                yield body
 
     def _note_damage(self, note: str) -> None:
         self.complete = False

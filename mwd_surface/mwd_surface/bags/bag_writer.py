@@ -8,7 +8,9 @@ opens in `ros2 bag`, `rosbags`, `mcap` and Foxglove.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import errno
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,13 +18,14 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
+from mcap.records import Attachment, Channel, Schema
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_metadata import BagMetadata, File, Topic
 from mwd_surface.bags.definitions import DefinitionError, Definitions, installed
-from mwd_surface.bags.mcap.records import Attachment, McapChannel, Schema
 from mwd_surface.bags.mcap.writer import McapWriter
+from mwd_surface.bags.topic_info import TopicInfo
 
 # Name of the metadata record of an MCAP file that repeats the contents of metadata.yaml.
 ROSBAG2_RECORD = "rosbag2"
@@ -32,11 +35,15 @@ ROSBAG2_RECORD = "rosbag2"
 class _Track:
     """One topic of one type, with its message count over all files of the bag."""
 
-    channel: McapChannel
+    channel: Channel
     schema: Schema
-    type_hash: str
     qos: list[dict[str, Any]]
     count: int = 0
+
+    def about(self, count: int) -> Topic:
+        """Return the entry of the topic in metadata.yaml, with a number of messages."""
+        type_hash = self.channel.metadata["topic_type_hash"]
+        return Topic(self.channel.topic, self.schema.name, count, type_hash, self.qos)
 
 
 class BagWriter:
@@ -153,42 +160,41 @@ class BagWriter:
                 raise
         schema = self._schema(type_name, "ros2msg" if text else "", text)
         metadata = {"offered_qos_profiles": bag_metadata.qos_text(profiles), "topic_type_hash": type_hash}
-        channel = McapChannel(len(self._tracks) + 1, schema.id, name, "cdr", metadata)
-        self.file.add_channel(channel)
-        self._tracks[channel.id] = _Track(channel, schema, type_hash, profiles)
-        self._by_name[name, type_name] = channel.id
-        return channel.id
+        return self._declare(name, schema, "cdr", metadata, profiles)
 
-    def copy_topic(
-        self, name: str, type_name: str, encoding: str, definition: str, type_hash: str, qos: str, serialization: str
-    ) -> int:
+    def copy_topic(self, about: TopicInfo) -> int:
         """
         Declare a topic of another bag, with the schema from that bag, and return its channel number.
 
-        encoding, definition : encoding and text of the schema in the other bag. If that bag has no schema, both are
-        empty, and the schema of this installation is used. type_hash, qos : as stated in the other bag. serialization :
-        encoding of the messages.
+        If the other bag has no schema, the schema of this installation is used.
 
         Raises
         ------
         ValueError
-            A topic of that name and type exists already, or the other bag has no schema and `qos` cannot be parsed.
+            A topic of that name and type exists already, or the other bag has no schema and its quality of service
+            cannot be parsed.
         """
-        if (name, type_name) in self._by_name:
-            raise ValueError(f"name: {name} of {type_name} was declared already")
-        if not definition:
-            return self.topic(name, type_name, qos, type_hash, need_definition=False)
-        schema = self._schema(type_name, encoding, definition)
-        metadata = {"offered_qos_profiles": qos, "topic_type_hash": type_hash}
-        channel = McapChannel(len(self._tracks) + 1, schema.id, name, serialization, metadata)
-        self.file.add_channel(channel)
+        if (about.name, about.type_name) in self._by_name:
+            raise ValueError(f"name: {about.name} of {about.type_name} was declared already")
+        if not about.schema:
+            return self.topic(about.name, about.type_name, about.qos, about.type_hash, need_definition=False)
+        schema = self._schema(about.type_name, about.schema_encoding, about.schema)
         try:
-            profiles = bag_metadata.parse_qos(qos)
+            profiles = bag_metadata.parse_qos(about.qos)
         except ValueError:
             # Keep the unparsed text with the channel and omit it from metadata.yaml, which does not need it.
             profiles = []
-        self._tracks[channel.id] = _Track(channel, schema, type_hash, profiles)
-        self._by_name[name, type_name] = channel.id
+        metadata = {"offered_qos_profiles": about.qos, "topic_type_hash": about.type_hash}
+        return self._declare(about.name, schema, about.serialization, metadata, profiles)
+
+    def _declare(
+        self, name: str, schema: Schema, encoding: str, metadata: dict[str, str], qos: list[dict[str, Any]]
+    ) -> int:
+        """Declare a topic in the current file; return its channel number."""
+        channel = Channel(len(self._tracks) + 1, name, encoding, metadata, schema.id)
+        self.file.add_channel(channel)
+        self._tracks[channel.id] = _Track(channel, schema, qos)
+        self._by_name[name, schema.name] = channel.id
         return channel.id
 
     def _schema(self, type_name: str, encoding: str, text: str) -> Schema:
@@ -196,7 +202,7 @@ class BagWriter:
         data = text.encode()
         schema = self._schemas.get((type_name, data))
         if schema is None:
-            schema = Schema(len(self._schemas) + 1, type_name, encoding, data)
+            schema = Schema(len(self._schemas) + 1, data, encoding, type_name)
             self.file.add_schema(schema)
             self._schemas[type_name, data] = schema
         return schema
@@ -278,6 +284,7 @@ class BagWriter:
         sync : whether to force the file to the disk. The next call must be `begin_file` or `close`.
         """
         if self._open:
+            self.check_file()
             self.file.close_chunk()
             if not self._noted:
                 self._note_metadata()
@@ -291,6 +298,13 @@ class BagWriter:
         if self._in_place:
             bag_metadata.write(self._folder, self.metadata())
         return self.file.path
+
+    def check_file(self) -> None:
+        """Raise FileNotFoundError if the current file was moved or deleted; then only `give_up_file` may follow."""
+        if _is_gone(self.file.path):
+            raise FileNotFoundError(
+                errno.ENOENT, "the file was moved or deleted while it was written", str(self.file.path)
+            )
 
     def begin_file(self) -> None:
         """
@@ -316,14 +330,26 @@ class BagWriter:
         """
         Close the current file without its end, for later recovery; the next call must be `begin_file` or `close`.
 
-        Returns the number of messages that never reached the file.
+        A file that was moved gets its end where it is now. If the folder was moved or deleted, its files do not belong
+        to the bag any more. Returns the number of messages that never reached a file, or were in deleted files.
         """
         if not self._open:
             return 0
-        lost = self.file.discard_pending()
+        lost, folder_gone = 0, _is_gone(self._folder)
+        if _is_gone(self.file.path):
+            if self.file.deleted():
+                lost = self.messages if folder_gone else self.file.messages
+            else:
+                with contextlib.suppress(OSError):
+                    self.file.finish(sync=True)
+        lost = max(lost, self.file.discard_pending())
         self.file.close()
         self._open = False
         self._finished_bytes += self.file.size
+        if folder_gone:
+            self.files = []
+            for track in self._tracks.values():
+                track.count = 0
         return lost
 
     def close(self, sync: bool = False) -> Path:
@@ -354,10 +380,7 @@ class BagWriter:
         """Return the contents of metadata.yaml for the files finished so far."""
         return BagMetadata(
             files=list(self.files),
-            topics=[
-                Topic(track.channel.topic, track.schema.name, track.count, track.type_hash, track.qos)
-                for track in self._tracks.values()
-            ],
+            topics=[track.about(track.count) for track in self._tracks.values()],
             custom=self.custom,
         )
 
@@ -389,9 +412,17 @@ class BagWriter:
 
     def _note_metadata(self) -> None:
         # Each file contains the metadata of a bag with this file only, so that the file can be used alone.
-        topics = [
-            Topic(track.channel.topic, track.schema.name, self.file.counts[number], track.type_hash, track.qos)
-            for number, track in self._tracks.items()
-        ]
+        topics = [track.about(self.file.counts[number]) for number, track in self._tracks.items()]
         alone = BagMetadata(files=[self._file_entry()], topics=topics, custom=self.custom)
         self.file.add_metadata(ROSBAG2_RECORD, {"serialized_metadata": bag_metadata.serialized(alone)})
+
+
+def _is_gone(path: Path) -> bool:
+    """Return whether a file or folder is missing; False if the disk does not answer."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return True
+    except OSError:
+        return False
+    return False

@@ -98,14 +98,7 @@ class Definitions:
         return self._known[type_name]
 
     def load(self, type_name: str) -> None:
-        """
-        Add a type and all types that it uses to `typestore`.
-
-        Raises
-        ------
-        DefinitionError
-            See `definition`.
-        """
+        """Add a type and all types that it uses to `typestore`. Raises DefinitionError as `definition` does."""
         wanted, types = [type_name], {}
         while wanted:
             name = wanted.pop()
@@ -131,10 +124,7 @@ class Definitions:
         `rclpy.serialization.serialize_message` of Jazzy may return more bytes, with old content of the memory, and
         other readers refuse such a message.
 
-        Raises
-        ------
-        DefinitionError
-            See `definition`.
+        Raises DefinitionError as `definition` does.
         """
         self.load(type_name)
         return 4 + int(self.typestore.get_msgdef(type_name).getsize_cdr(0, message, self.typestore))
@@ -143,10 +133,7 @@ class Definitions:
         """
         Return a message of a type with the given fields; all other fields are 0 or empty, as in a new ROS message.
 
-        Raises
-        ------
-        DefinitionError
-            See `definition`.
+        Raises DefinitionError as `definition` does.
         """
         self.load(type_name)
         values: dict[str, Any] = {}

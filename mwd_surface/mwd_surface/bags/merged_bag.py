@@ -11,67 +11,24 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple
 
 import numpy as np
+from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Bytes
 from mwd_sensors.core.compiled import compiled
-from mwd_surface.bags.bag_reader import Bag, Originals
+from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import ROSBAG2_RECORD, BagWriter
 from mwd_surface.bags.definitions import Definitions
-from mwd_surface.bags.mcap.records import MESSAGE_HEAD, MESSAGE_PREFIX, Opcode
+from mwd_surface.bags.mcap.records import MESSAGE_FIELDS, MESSAGE_HEAD, MESSAGE_PREFIX
+from mwd_surface.bags.message_parts import NEVER, MessagePart
 
 Numbers = NDArray[np.int64]
 
 _PREFIX, _HEAD, _MESSAGE = MESSAGE_PREFIX, MESSAGE_HEAD, Opcode.MESSAGE
-
-
-class _Rows(NamedTuple):
-    """
-    Columns of messages, each of shape (n,).
-
-    place : offset of the message's record in the output. log_ns : log time, ns. offset, size : position and length of
-    the payload in the input.
-    """
-
-    place: Numbers
-    log_ns: Numbers
-    offset: Numbers
-    size: Numbers
-    channel: NDArray[np.uint16]
-    sequence: Numbers
-
-
-@dataclasses.dataclass(frozen=True)
-class _Source:
-    """
-    Messages in order of their log time, ns; `offset` and `size` locate their payloads in `data`.
-
-    framed : whether sequence number, log time and publish time precede each payload in `data`. These three are then
-    copied; otherwise the sequence number comes from `sequence`, and the publish time is the log time.
-    """
-
-    data: Bytes
-    log_ns: Numbers
-    offset: Numbers
-    size: Numbers
-    channel: NDArray[np.uint16]
-    sequence: Numbers
-    framed: bool
-
-    def at(self, where: slice) -> _Source:
-        """Return the messages that a slice selects."""
-        return _Source(
-            self.data,
-            self.log_ns[where],
-            self.offset[where],
-            self.size[where],
-            self.channel[where],
-            self.sequence[where],
-            self.framed,
-        )
+# Fields of a message record in front of its payload: sequence number, log time and publish time.
+_HEAD_FIELDS = MESSAGE_FIELDS[-3:]
 
 
 class MergedBag:
@@ -97,22 +54,11 @@ class MergedBag:
         self._writer = BagWriter(path, custom=bag.custom)
         try:
             self._channels = np.array(
-                [
-                    self._writer.copy_topic(
-                        about.name,
-                        about.type_name,
-                        about.schema_encoding,
-                        about.schema,
-                        about.type_hash,
-                        about.qos,
-                        about.serialization,
-                    )
-                    for about in bag.carried.values()
-                ],
+                [self._writer.copy_topic(about) for about in bag.carried.values()],
                 dtype=np.uint16,
             )
             for item in bag.attachments():
-                self._writer.attach(item.name, item.media_type, item.data, item.log_ns)
+                self._writer.attach(item.name, item.media_type, item.data, item.log_time)
             for name, table in bag.metadata().items():
                 if name != ROSBAG2_RECORD:
                     self._writer.add_metadata(name, table)
@@ -121,12 +67,12 @@ class MergedBag:
             raise
         self._taken = set(bag.carried)
         self._written: dict[int, int] = {}
-        self._originals: list[_Source] = []
-        self._new: list[_Source] = []
+        self._originals: list[MessagePart] = []
+        self._new: list[MessagePart] = []
 
     @property
     def definitions(self) -> Definitions:
-        """Definitions of the message types that new topics can have."""
+        """Definitions of the message types that `topic` accepts."""
         return self._writer.definitions
 
     def topic(self, name: str, type_name: str) -> tuple[int, str]:
@@ -141,19 +87,9 @@ class MergedBag:
             name = f"{head}{slash}processed/{tail}"
         return self._writer.topic(name, type_name), name
 
-    def add_originals(self, originals: Originals) -> None:
-        """Accept messages of the recording; `flush` writes them."""
-        self._originals.append(
-            _Source(
-                originals.data,
-                originals.log_ns,
-                originals.offset,
-                originals.size,
-                self._channels[originals.topic],
-                np.zeros(len(originals.log_ns), dtype=np.int64),
-                originals.framed,
-            )
-        )
+    def add_originals(self, originals: MessagePart) -> None:
+        """Accept messages of the recording, as from `Bag.blocks_and_originals`; `flush` writes them."""
+        self._originals.append(dataclasses.replace(originals, channel=self._channels[originals.channel]))
 
     def add_rows(self, channel: int, rows: Bytes, log_ns: Numbers) -> None:
         """
@@ -164,30 +100,23 @@ class MergedBag:
         count, size = rows.shape
         first = self._written.get(channel, 0)
         self._written[channel] = first + count
-        self._new.append(
-            _Source(
-                np.ascontiguousarray(rows).reshape(-1),
-                np.asarray(log_ns, dtype=np.int64),
-                np.arange(count, dtype=np.int64) * size,
-                np.full(count, size, dtype=np.int64),
-                np.full(count, channel, dtype=np.uint16),
-                np.arange(first + 1, first + count + 1, dtype=np.int64),
-                False,
-            )
-        )
+        messages = np.empty(count, dtype=[*_HEAD_FIELDS, ("data", "u1", (size,))])
+        messages["sequence"] = np.arange(first + 1, first + count + 1) & 0xFFFFFFFF
+        messages["log_ns"] = messages["publish_ns"] = log_ns
+        messages["data"] = rows
+        offset = np.arange(1, count + 1) * messages.itemsize - size
+        sizes, channels = np.full(count, size), np.full(count, channel, dtype=np.uint16)
+        stamps = np.asarray(log_ns, dtype=np.int64)
+        self._new.append(MessagePart((0, 0), 0, messages.view(np.uint8), stamps, offset, sizes, channels))
 
     def flush(self, until_ns: int | None = None) -> None:
         """Write all messages logged up to and including `until_ns`; None writes all."""
-        ready: list[_Source] = []
+        mark = NEVER if until_ns is None else until_ns + 1
+        ready: list[MessagePart] = []
         for waiting in (self._originals, self._new):
-            rest = []
-            for source in waiting:
-                cut = len(source.log_ns) if until_ns is None else int(np.searchsorted(source.log_ns, until_ns, "right"))
-                if cut:
-                    ready.append(source.at(slice(0, cut)))
-                if cut < len(source.log_ns):
-                    rest.append(source.at(slice(cut, None)))
-            waiting[:] = rest
+            halves = [part.split(mark) for part in waiting]
+            ready += [early for early, _ in halves if len(early)]
+            waiting[:] = [late for _, late in halves if len(late)]
         if not ready:
             return
         log_ns = np.concatenate([source.log_ns for source in ready])
@@ -201,8 +130,7 @@ class MergedBag:
         begin = 0
         for source in ready:
             end = begin + len(source.log_ns)
-            rows = _Rows(place[begin:end], source.log_ns, source.offset, source.size, source.channel, source.sequence)
-            _write_records(records, source.data, rows, source.framed)
+            _write_records(records, place[begin:end], source.data, source.offset, source.size, source.channel)
             begin = end
         channel = np.concatenate([source.channel for source in ready])[order]
         self._writer.write_records(records, offset, channel, log_ns[order])
@@ -232,18 +160,14 @@ def _put(out: Bytes, at: int, value: int, size: int) -> None:
 
 
 @compiled
-def _write_records(out: Bytes, data: Bytes, rows: _Rows, framed: bool) -> None:
-    """Write one record for each message, at the offset `rows.place` in `out`."""
-    for i in range(len(rows.place)):
-        at, source = rows.place[i], rows.offset[i]
+def _write_records(
+    out: Bytes, place: Numbers, data: Bytes, offset: Numbers, size: Numbers, channel: NDArray[np.uint16]
+) -> None:
+    """Write one record for each message, at the offset `place` in `out`; `offset` and `size`: its payload in `data`."""
+    for i in range(len(place)):
+        at, source = place[i], offset[i]
         out[at] = _MESSAGE
-        _put(out, at + 1, _HEAD + rows.size[i], 8)
-        _put(out, at + 9, int(rows.channel[i]), 2)
-        if framed:
-            # Sequence number, log time and publish time stand directly before the payload.
-            out[at + 11 : at + _PREFIX + rows.size[i]] = data[source - 20 : source + rows.size[i]]
-        else:
-            _put(out, at + 11, rows.sequence[i] & 0xFFFFFFFF, 4)
-            _put(out, at + 15, rows.log_ns[i], 8)
-            _put(out, at + 23, rows.log_ns[i], 8)
-            out[at + _PREFIX : at + _PREFIX + rows.size[i]] = data[source : source + rows.size[i]]
+        _put(out, at + 1, _HEAD + size[i], 8)
+        _put(out, at + 9, int(channel[i]), 2)
+        # Sequence number, log time and publish time stand directly before the payload.
+        out[at + 11 : at + _PREFIX + size[i]] = data[source - 20 : source + size[i]]

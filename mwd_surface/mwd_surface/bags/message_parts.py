@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import struct
 from collections.abc import Iterator
 from typing import Any
 
@@ -16,31 +17,7 @@ from mwd_sensors.core.arrays import Samples, Stamps
 Block = dict[str, tuple[Stamps, Any]]
 
 NEVER = 2**62  # later than any stamp, ns
-
-
-@dataclasses.dataclass(frozen=True)
-class Originals:
-    """
-    Unchanged messages of a bag in order of their log time.
-
-    Attributes
-    ----------
-    data : ndarray of uint8
-        Bytes that contain the messages.
-    log_ns, offset, size : ndarray of int64, shape (n,)
-        Log time, ns, and offset and length of each payload in `data`.
-    topic : ndarray of int64, shape (n,)
-        Index of each message's topic in `Bag.carried`.
-    framed : bool
-        Whether the header of its MCAP record precedes each payload in `data`.
-    """
-
-    data: NDArray[np.uint8]
-    log_ns: Stamps
-    offset: NDArray[np.int64]
-    size: NDArray[np.int64]
-    topic: NDArray[np.int64]
-    framed: bool
+_HEAD = struct.Struct("<IQQ")  # sequence number, log time and publish time of a message
 
 
 @dataclasses.dataclass
@@ -56,10 +33,9 @@ class MessagePart:
         Number of the file.
     data : ndarray of uint8
         Bytes that contain the messages.
+        In front of each payload are sequence number, log time and publish time, as in a record of an MCAP file.
     log_ns, offset, size, channel : ndarray, shape (n,)
         For each message: log time, ns; offset and length of its payload; channel number in the file.
-    framed : bool
-        Whether the header of its MCAP record precedes each payload in `data`.
     """
 
     rank: tuple[int, int]
@@ -69,7 +45,6 @@ class MessagePart:
     offset: NDArray[np.int64]
     size: NDArray[np.int64]
     channel: NDArray[np.uint16]
-    framed: bool = False
 
     def __len__(self) -> int:
         return len(self.log_ns)
@@ -89,7 +64,6 @@ class MessagePart:
             self.offset[where],
             self.size[where],
             self.channel[where],
-            self.framed,
         )
 
 
@@ -193,5 +167,6 @@ def part_of(rows: list[tuple[int, int, bytes]]) -> MessagePart:
     log_ns = np.array([row[0] for row in rows], dtype=np.int64)
     size = np.array([len(row[2]) for row in rows], dtype=np.int64)
     channel = np.array([row[1] for row in rows], dtype=np.uint16)
-    data = np.frombuffer(b"".join(row[2] for row in rows), dtype=np.uint8)
-    return MessagePart((0, 0), 0, data, log_ns, np.cumsum(size) - size, size, channel)
+    records = b"".join(_HEAD.pack(0, row[0], row[0]) + row[2] for row in rows)
+    offset = np.cumsum(size + _HEAD.size) - size
+    return MessagePart((0, 0), 0, np.frombuffer(records, dtype=np.uint8), log_ns, offset, size, channel)

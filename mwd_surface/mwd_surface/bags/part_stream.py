@@ -137,7 +137,7 @@ class PartStream:
             raise FormatError(f"a chunk's records end at byte {walk.end} of {len(data)}")
         if walk.impossible:
             self._on_damage(f"{walk.impossible} messages were left out, because their time is impossible")
-        part = MessagePart((number, span.offset), number, data, walk.log_ns, walk.offset, walk.size, walk.channel, True)
+        part = MessagePart((number, span.offset), number, data, walk.log_ns, walk.offset, walk.size, walk.channel)
         chosen = wanted[walk.channel]
         if start > 0 or end < NEVER:
             chosen &= (walk.log_ns >= start) & (walk.log_ns < end)

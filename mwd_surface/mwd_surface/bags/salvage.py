@@ -87,12 +87,7 @@ def _write(target: Path, topics: dict[str, TopicInfo], messages: Iterator[tuple[
     """Write messages to a new bag; return the number of messages of each topic."""
     counts: dict[str, int] = {}
     with BagWriter(target) as writer:
-        channels = {
-            one.name: writer.copy_topic(
-                one.name, one.type_name, one.schema_encoding, one.schema, one.type_hash, one.qos, one.serialization
-            )
-            for one in topics.values()
-        }
+        channels = {one.name: writer.copy_topic(one) for one in topics.values()}
         for log_ns, name, data in messages:
             writer.write(channels[name], data, log_ns)
             counts[name] = counts.get(name, 0) + 1

@@ -33,7 +33,6 @@ class SampleDecoder:
 
     Parameters
     ----------
-    topics : dict of str to TopicInfo
     message_compression : bool
         Whether each message is compressed separately.
     report : callable
@@ -73,8 +72,9 @@ class SampleDecoder:
 
         Messages that are not of their declared type are reported and left out.
 
-        names : topic of each channel number of the part. fields : fields to read, by type name; types not named here
-        are read completely. wanted : topics to decode; by default all.
+        names : topic of each channel number of the part.
+        fields : fields to read, by type name; types not named here are read completely.
+        wanted : topics to decode; by default all.
         """
         numbers = np.unique(part.channel)
         for number in numbers.tolist():
@@ -260,10 +260,7 @@ def _without_slack(store: Any, data: bytes, type_name: str) -> Any:
     to four bytes per sequence stay unused after the last field. Each sequence has a count of four bytes, so there are
     never more unused bytes than used bytes.
 
-    Raises
-    ------
-    SerdeError
-        The bytes are not a message of the type.
+    Raises SerdeError if the bytes are not a message of the type.
     """
     definition = store.get_msgdef(type_name)
     read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be

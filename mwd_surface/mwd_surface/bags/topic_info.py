@@ -38,7 +38,6 @@ class TopicInfo:
 
     Attributes
     ----------
-    name, type_name : str
     count : int
         Number of messages, from the index of the bag.
     schema_encoding, schema : str

@@ -29,7 +29,7 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
-# Spacing of the points at which two wells are compared, m; between points the library searches for the least factor.
+# Spacing of the points at which two wells are compared, m; between points the library searches for the smallest factor.
 _STEP = 30.0
 # Distance of an extra point from each end of a well, m, because the library finds minima only between points.
 _AT_END = 0.02
@@ -60,14 +60,12 @@ class ClearanceRule:
     surface_margin_m: float = setting(
         0.3,
         "Distance that is kept even if both positions are exact. Raising it keeps wells farther apart.",
-        unit="m",
         low=0.0,
         high=10.0,
     )
     projection_sigma_m: float = setting(
         0.5,
         "1 sigma of the hole ahead of the last survey until the next one. Raising it keeps wells farther apart.",
-        unit="m",
         low=0.0,
         high=10.0,
     )
@@ -81,14 +79,12 @@ class ClearanceRule:
         10.0,
         "Distance between two wells, or of the first station from its wellhead, above which positions count as "
         "wrong. Raise it to confirm that the wells really are so far apart.",
-        unit="km",
         low=1.0,
         high=1e5,
     )
     largest_dogleg_deg_30m: float = setting(
         30.0,
         "Dogleg severity above which a list counts as wrong. Raise it to confirm a hole that really turns so sharply.",
-        unit="deg/30 m",
         low=5.0,
         high=540.0,
     )
@@ -105,8 +101,10 @@ class NotCompared:
     """
     Part of a well that was not compared with the other well.
 
-    well: name of the well. from_md, to_md: measured depths, m. reason: why the part was not compared. shared: whether
-    the user stated that both wells are the same hole there, so that no comparison is missing.
+    well: name of the well.
+    from_md, to_md: measured depths, m.
+    reason: why the part was not compared.
+    shared: whether the user stated that both wells are the same hole there, so that no comparison is missing.
     """
 
     well: str
@@ -144,7 +142,6 @@ class Clearance:
         downhole, rad.
     bearing : ndarray, shape (n,)
         Toolface + azimuth: the same direction measured from north, rad, as used in travelling-cylinder plots.
-    rule : ClearanceRule
     not_compared : tuple of NotCompared
         Parts of both wells that lie above the compared paths.
     other : UncertainWell or None
@@ -210,7 +207,6 @@ def clearance(
         Well being drilled; the result is given along this well.
     offset : UncertainWell
         Other well, in the same axes and from the same origin.
-    rule : ClearanceRule
     shared_to : float, optional
         Measured depth down to which both wells are the same hole, m, for a sidetrack and its parent. They are compared
         below this depth, and the position at this depth is assumed to be exact.
@@ -257,11 +253,8 @@ def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
     """
     Raise ValueError if the list of a well was probably read wrongly.
 
-    Raises
-    ------
-    ValueError
-        The first station lies farther from the map origin than `farthest_km`, or the well turns more sharply above its
-        last survey than `largest_dogleg_deg_30m`; the message says where, and which setting allows the value.
+    This is so if the first station lies farther from the map origin than `farthest_km`, or the well turns more sharply
+    above its last survey than `largest_dogleg_deg_30m`; the message says where, and which setting allows the value.
     """
     away = math.hypot(*well.positions[0, :2])
     if away > 1000.0 * rule.farthest_km:

@@ -59,25 +59,21 @@ class OffsetWell(ListSettings):
         None,
         "Distance of the offset well's wellhead north of the wellhead of this well. If left out, it follows from "
         "the map coordinates of both lists; without map coordinates it is 0.",
-        unit="m",
     )
     east_m: float | None = setting(
         None,
         "Distance of the offset well's wellhead east of the wellhead of this well. If left out, it follows as for "
         "north_m.",
-        unit="m",
     )
     tvd_m: float = setting(
         0.0,
         "Height of the depth datum of this well above that of the offset well. It is added to the vertical depths "
         "of the offset well.",
-        unit="m",
     )
     hole_diameter_m: float = setting(
         0.31,
         "Diameter of the hole of the offset well, or of its casing if it is cased. Raising it lowers the "
         "separation factor.",
-        unit="m",
         low=0.0,
         high=5.0,
     )
@@ -89,7 +85,6 @@ class OffsetWell(ListSettings):
         0.0,
         "1 sigma of the position of the offset wellhead relative to this one, in north and in east. Raising it "
         "lowers the separation factor.",
-        unit="m",
         low=0.0,
     )
     planned: bool = setting(
@@ -101,7 +96,6 @@ class OffsetWell(ListSettings):
         None,
         "Measured depth down to which both wells are the same hole, for a sidetrack. Above it the wells are not "
         "compared.",
-        unit="m",
         low=0.0,
     )
 
@@ -117,17 +111,12 @@ class OffsetWells:
     wells: tuple[OffsetWell, ...]
     rule: ClearanceRule = setting(ClearanceRule, "The separation rule and its levels.")
     hole_diameter_m: float = setting(
-        0.31,
-        "Diameter of the hole that is being drilled. Raising it lowers the separation factor.",
-        unit="m",
-        low=0.0,
-        high=5.0,
+        0.31, "Diameter of the hole that is being drilled. Raising it lowers the separation factor.", low=0.0, high=5.0
     )
     ahead_m: float = setting(
         300.0,
         "Length of the plan ahead of the bit that is compared with the offset wells. Raising it warns earlier and "
         "takes more computing time.",
-        unit="m",
         low=0.0,
         high=20000.0,
     )
@@ -173,8 +162,10 @@ def offset_well(
     """
     Return an offset well in the axes of the well being drilled, with the remarks about its list.
 
-    folder: folder of the file that names the offset wells. north: north of the axes. reference: local field of the well
-    being drilled. wellhead: northing and easting of the well being drilled, m, if its list has them.
+    folder: folder of the file that names the offset wells.
+    north: north of the axes.
+    reference: local field of the well being drilled.
+    wellhead: northing and easting of the well being drilled, m, if its list has them.
 
     Raises
     ------
@@ -228,9 +219,10 @@ def clearances(
     """
     Return the clearance to each offset well, smallest separation factor first, and the remarks about all offset wells.
 
-    Remarks name the wells or parts that are not compared, with the reason, the assumptions made when reading their
-    lists, and wells with stations so far apart that the hole between is hardly known. quoting: whether a remark may
-    quote contents of a file that cannot be read.
+    Remarks name what is not compared and why, assumptions about the lists, and wells whose stations are so far apart
+    that the hole between them is hardly known.
+
+    quoting: whether a remark may quote contents of a file that cannot be read.
 
     Raises
     ------
@@ -269,10 +261,8 @@ def _wellhead(
     """
     Return north and east from the wellhead of the well being drilled to that of an offset well, m, and remarks.
 
-    Raises
-    ------
-    OffsetWellError
-        The wellheads are more than 20 km apart, or their map coordinates contradict north_m and east_m of the file.
+    Raises OffsetWellError if the wellheads are more than 20 km apart, or their map coordinates contradict north_m and
+    east_m of the file.
     """
     named = f"offset well {offset.name}"
     own = wellhead_of(plan.remarks)

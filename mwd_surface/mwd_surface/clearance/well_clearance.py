@@ -32,7 +32,6 @@ class WellClearance:
         Clearances, smallest separation factor first.
     remarks : tuple of Remark
         Parts that were not compared, and all assumptions made for the lists of the well, the plan and the offset wells.
-    rule : ClearanceRule
     refused : tuple of str
         Names of the offset wells that could not be compared, so that their separation is unknown.
     """
@@ -76,8 +75,6 @@ def well_clearance(
 
     Parameters
     ----------
-    surveys : SurveyList
-    offsets : OffsetWells
     plan : Plan, optional
         Plan along which the path is continued below the bit, for `ahead_m` of the file of offset wells.
     bit_depth : float, optional

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mwd_surface.commands.reference_options import Date, Field, Lat, Lon
+from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.reference_options import PLACE, GivenPlace
 
 if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
@@ -77,6 +78,7 @@ def sag(
         terminal.write(output.parent, {output.name: "\n".join([*lines, ""])})
 
 
+@takes(PLACE)
 def spacing(
     inclination: Annotated[float, typer.Option(help="Inclination of the hole, deg.")],
     azimuth: Annotated[
@@ -109,10 +111,8 @@ def spacing(
     below_length: Annotated[
         float, typer.Option(help="Length of the steel below the non-magnetic collars, m.", rich_help_panel=_STRING)
     ] = 10.0,
-    field: Field = None,
-    lat: Lat = None,
-    lon: Lon = None,
-    date: Date = None,
+    *,
+    place: GivenPlace,
 ) -> None:
     """
     Predict the axial magnetic interference of the steel in the string, the azimuth error, and the collars needed.
@@ -132,7 +132,7 @@ def spacing(
     from mwd_surface.commands import terminal
     from mwd_surface.uncertainty import collar_spacing
 
-    reference = _reference(lat, lon, date, field)
+    reference = _reference(place)
     if not 0.0 <= inclination <= 180.0 or not limit > 0.0:
         raise ValueError("--inclination: must be within 0 and 180 deg; --limit: must be above 0")
     turn = north_correction(reference, "true")
@@ -183,7 +183,7 @@ def _poles_of(
     return (up, strongest.pole), strongest.length
 
 
-def _reference(lat: float | None, lon: float | None, date: str | None, field: str | None) -> Reference:
+def _reference(place: GivenPlace) -> Reference:
     import time
 
     from mwd_estimation.settings.estimator import EstimatorSettings
@@ -191,7 +191,7 @@ def _reference(lat: float | None, lon: float | None, date: str | None, field: st
     from mwd_sensors.core import settings
     from mwd_surface.commands.reference_options import place_changes
 
-    changes = place_changes(lat, lon, date, field)
+    changes = place_changes(*place)
     reference = reference_of(settings.changed(EstimatorSettings(), changes).place, time.time_ns())
     if reference is None:
         raise ValueError("the azimuth error depends on the field; give --lat and --lon, or --field")

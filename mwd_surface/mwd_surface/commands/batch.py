@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mwd_surface.commands.recording_options import Reading, input_settings, reads_recording
-from mwd_surface.commands.reference_options import Changes, Config, Date, Field, Lat, Lon
+from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.recording_options import READING, Reading, input_settings
+from mwd_surface.commands.reference_options import PLACE, Changes, Config, GivenPlace
 
 if TYPE_CHECKING:
     from mwd_surface.fleet.fleet_task import Outcome
@@ -54,7 +55,7 @@ Workers = Annotated[
 ]
 
 
-@reads_recording
+@takes(PLACE, READING)
 def batch(
     bags: Annotated[
         list[str], typer.Argument(help="Recordings, folders that contain recordings, or patterns with * and **.")
@@ -63,10 +64,6 @@ def batch(
     method: Annotated[
         str | None, typer.Option("--method", help="Method that estimates gravity, as in `mwd process`.")
     ] = None,
-    lat: Lat = None,
-    lon: Lon = None,
-    date: Date = None,
-    field: Field = None,
     config: Config = None,
     changes: Changes = None,
     scheduler: Scheduler = "local",
@@ -75,6 +72,7 @@ def batch(
     tls_key: TlsKey = None,
     workers: Workers = 0,
     *,
+    place: GivenPlace,
     reading: Reading,
 ) -> None:
     """
@@ -103,9 +101,9 @@ def batch(
         raise ValueError(f"mwd batch needs the package {error.name}, which is not installed: {hint}") from error
     from mwd_surface.fleet.fleet_dataset import FAILED
 
-    place = recording_changes(lat, lon, date, field)
-    estimator = placed_settings(config, changes, place, method)
-    named = place if method is None else place | {"gravity.method": method}
+    placed = recording_changes(*place)
+    estimator = placed_settings(config, changes, placed, method)
+    named = placed if method is None else placed | {"gravity.method": method}
     of_recordings = None if config else {**named, **assignments(changes)}
     found = fleet_run.find_bags(bags)
     given = input_settings(reading)

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mwd_surface.commands.recording_options import Reading, given_names, input_settings, reads_recording
-from mwd_surface.commands.reference_options import FIELD_PANEL, Date, Field, Lat, Lon, field_figures
+from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
+from mwd_surface.commands.reference_options import FIELD_PANEL, PLACE, GivenPlace, field_figures
 
 if TYPE_CHECKING:
     from mwd_sensors.calibration.triad_calibration import Calibration
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from mwd_surface.runs.calibration_run import CalibrationReadings
 
 
-@reads_recording
+@takes(PLACE, READING)
 def calibrate(
     run: Annotated[
         str, typer.Argument(metavar="BAG|SCENARIO", help="Recording of the tumble run, or a scenario to simulate.")
@@ -36,14 +37,11 @@ def calibrate(
     seed: Annotated[
         int | None, typer.Option(help="Seed of the random numbers; by default the seed of the scenario.")
     ] = None,
-    lat: Lat = None,
-    lon: Lon = None,
-    date: Date = None,
-    field: Field = None,
     gravity: Annotated[
         float | None, typer.Option(help="Gravity at the place of the run, m/s².", rich_help_panel=FIELD_PANEL)
     ] = None,
     *,
+    place: GivenPlace,
     reading: Reading,
 ) -> None:
     """
@@ -63,7 +61,7 @@ def calibrate(
     from mwd_surface.runs import calibration_run
 
     data, scenario, day_ns = _data(run, unit, grade, seed, reading)
-    strength, found_field, source = _place(lat, lon, date, field, day_ns)
+    strength, found_field, source = _place(place, day_ns)
     if strength is None and scenario is not None:
         strength, known = calibration_run.field_of(scenario)
         found_field, source = found_field or known, source or "its scenario"
@@ -152,20 +150,22 @@ def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:
     return dataclasses.replace(scenario, **changed)
 
 
-def _place(
-    lat: float | None, lon: float | None, date: str | None, field: str | None, day_ns: int
-) -> tuple[float | None, tuple[float, float] | None, str]:
+def _place(given: GivenPlace, day_ns: int) -> tuple[float | None, tuple[float, float] | None, str]:
     """
     Return gravity, m/s^2, the field (total, T, and dip, rad), and their source as text.
 
-    Gravity or field is None if no option gives it; if both are None, the source is "". day_ns : time of the data, ns
-    since the epoch, for the field model. Raises ValueError if options contradict each other or the date is not valid.
+    Gravity or field is None if no option gives it; if both are None, the source is "".
+
+    day_ns : time of the data, ns since the epoch, for the field model.
+
+    Raises ValueError if options contradict each other or the date is not valid.
     """
     import datetime
     import math
 
     from mwd_sensors.core import earth
 
+    lat, lon, date, field = given
     if field is not None and lat is None:
         total, dip, _ = field_figures(field)
         return None, (total * 1e-9, math.radians(dip)), "--field"

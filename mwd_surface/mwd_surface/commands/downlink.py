@@ -111,10 +111,7 @@ def _shown(message: dict[str, Any], before: str) -> str:
     """
     Print the line of a state unless it equals `before`; return the line.
 
-    Raises
-    ------
-    typer.Exit
-        The downlink command has ended; the exit status is 0 if the tool confirmed it, else 1.
+    Raises typer.Exit if the downlink command has ended; the exit status is 0 if the tool confirmed it, else 1.
     """
     line, word = _line(message), _STATES[message["state"]]
     if line != before:

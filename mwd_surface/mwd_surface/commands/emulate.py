@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mwd_surface.commands.recording_options import Reading, given_names, input_settings, reads_recording
+from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
 
 if TYPE_CHECKING:
     from mwd_sensors.core.arrays import Samples
 
 
-@reads_recording
+@takes(READING)
 def emulate(
     source: Annotated[
         str, typer.Argument(metavar="RECORDING|SCENARIO", help="Recording or scenario that gives the measurements.")

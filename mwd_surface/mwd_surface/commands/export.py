@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands.list_options import PlanSet
-from mwd_surface.commands.recording_options import Reading, given_names, input_settings, reads_recording
+from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
 from mwd_surface.commands.sources import estimated, recording_at, survey_list_at
 from mwd_surface.exports.export import FORMATS
 
@@ -39,7 +40,7 @@ WellChanges = Annotated[
 ]
 
 
-@reads_recording
+@takes(READING)
 def export(
     source: Source,
     kind: Annotated[

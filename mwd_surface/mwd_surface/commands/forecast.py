@@ -8,22 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mwd_surface.commands.list_options import (
-    AngleUnit,
-    Columns,
-    Confirm,
-    Decimal,
-    Dip,
-    LengthUnit,
-    NorthOption,
-    Wellhead,
-)
-from mwd_surface.commands.reference_options import Changes, Convergence, Date, Declination, Field, Lat, Lon
+from mwd_surface.commands.list_options import LIST
+from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.reference_options import PLACE, Changes, Convergence, Declination, GivenPlace
 
 if TYPE_CHECKING:
+    from mwd_surface.list_files.list_settings import ListSettings
     from mwd_surface.uncertainty.forecast import Forecast
 
 
+@takes(PLACE, LIST)
 def forecast(
     plan: Annotated[
         Path, typer.Argument(metavar="PLAN", help="File of the planned path, in any format that `mwd path` reads.")
@@ -40,21 +34,12 @@ def forecast(
             "no-go."
         ),
     ] = 2.0,
-    columns: Columns = None,
-    length_unit: LengthUnit = "",
-    angle_unit: AngleUnit = "",
-    north: NorthOption = "",
-    decimal: Decimal = "",
-    dip: Dip = "",
-    wellhead: Wellhead = None,
-    confirm: Confirm = None,
-    lat: Lat = None,
-    lon: Lon = None,
-    date: Date = None,
-    field: Field = None,
     declination: Declination = None,
     convergence: Convergence = None,
     changes: Changes = None,
+    *,
+    place: GivenPlace,
+    listed: ListSettings,
 ) -> None:
     """
     Forecast surveys along a plan: sigmas, limits of quality control, no-go directions of the axial correction.
@@ -68,11 +53,9 @@ def forecast(
       mwd forecast plan.csv -o ahead --code MWD+IFR1+SAG --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd forecast plan.csv -o ahead --field 50500,71.2,-1.1 --north grid --convergence -0.9 --axial 400
     """
-    options = locals()  # must be the first statement, while the options are the only local variables
     import math
 
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.list_options import list_settings
     from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.commands.table_reference import GivenReference, table_reference, table_settings
     from mwd_surface.exports.forecast_csv import forecast_csv
@@ -88,12 +71,12 @@ def forecast(
     check_tool_code(code)
     if not limit > 0.0:
         raise ValueError(f"--limit {limit:g}: must be positive")
-    planned = read_plan(plan, given=list_settings(options).given())
+    planned = read_plan(plan, given=listed.given())
     # If the plan does not give its north, use the default north of a well, with a remark.
     from_north = planned.north or Well().north_reference
     planned = in_north(planned, plan, from_north)
-    settings = table_settings(None, changes, lat, lon, date, field)
-    reference, remarks = table_reference(settings, GivenReference.of(field, declination, convergence))
+    settings = table_settings(None, changes, place)
+    reference, remarks = table_reference(settings, GivenReference.of(place.field, declination, convergence))
     if reference is None or reference.total is None:
         raise ValueError("a forecast needs the field: give --lat, --lon and --date, or --field")
     for remark in (*sentences(planned.remarks), *remarks):

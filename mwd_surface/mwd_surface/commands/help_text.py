@@ -24,7 +24,7 @@ _PIECES = re.compile(r"\s+|[\u2e80-\uffef…—]|[^\s\u2e80-\uffef…—]+")
 _CLOSING = "。，、；：）！？」…"
 # Description of an option, and the default, range or "required" that typer appends in brackets.
 _EXTRA = re.compile(r"(.*?)\s*\[((?:default: |required|env var: |x[<>]|[^\[\]]*<=?x)[^\[\]]*)\]", re.DOTALL)
-_SHORTEST = 20  # least width of the column of descriptions
+_SHORTEST = 20  # smallest width of the column of descriptions
 
 
 def width_of(text: str) -> int:

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mwd_surface.commands.process_options import MountOption
-from mwd_surface.commands.recording_options import Reading, Recording, input_settings, reads_recording
+from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.recording_options import READING, Reading, Recording, input_settings
 from mwd_surface.commands.reference_options import (
-    Date,
-    Field,
-    Lat,
-    Lon,
+    PLACE,
+    GivenPlace,
+    Mount,
     mount_changes,
     placed_settings,
     recording_changes,
@@ -25,18 +24,15 @@ if TYPE_CHECKING:
     from mwd_surface.bags.topic_info import TopicInfo
 
 
-@reads_recording
+@takes(PLACE, READING)
 def inspect(
     bag: Recording,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Output folder to write into the printed command.")
     ] = Path("out"),
-    lat: Lat = None,
-    lon: Lon = None,
-    date: Date = None,
-    field: Field = None,
-    mount: MountOption = None,
+    mount: Mount = None,
     *,
+    place: GivenPlace,
     reading: Reading,
 ) -> None:
     """
@@ -57,10 +53,12 @@ def inspect(
     from mwd_surface.receiver import recorded_link
     from mwd_surface.surveys.recorded_settings import recorded_settings
 
-    place, console = recording_changes(lat, lon, date, field), terminal.output()
+    console = terminal.output()
     with Bag(bag) as opened, terminal.progress(f"reading {bag.name}") as progress:
         recorded = recorded_settings(opened)
-        estimator = placed_settings(None, None, place, tool=mount_changes(mount), start=recorded.estimator)
+        estimator = placed_settings(
+            None, None, recording_changes(*place), tool=mount_changes(mount), start=recorded.estimator
+        )
         own = recorded.estimator if recorded.source else None
         links = recorded_link.topics_of(opened)
         tool = str(bag / "tool.yaml") if (bag / "tool.yaml").is_file() else "TOOL.yaml"

@@ -3,63 +3,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from mwd_surface.commands.option_group import OptionGroup
 
 if TYPE_CHECKING:
     from mwd_surface.list_files.list_settings import ListSettings
     from mwd_surface.surveys.well import Well
     from mwd_surface.trajectory.plan import Plan
 
-_LIST = "List"
-#: Names of the options; the fields of `ListSettings` have the same names.
-NAMES = ("columns", "length_unit", "angle_unit", "north", "decimal", "dip", "wellhead", "confirm")
 
-Columns = Annotated[
-    str | None,
-    typer.Option(
-        help="Columns of the list by quantity, if not recognised, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI.",
-        rich_help_panel=_LIST,
+def _option(words: str, *names: str, **more: Any) -> Any:
+    return Annotated[str | None, typer.Option(*names, help=words, rich_help_panel="List", **more)]
+
+
+# By name of the field of `ListSettings`.
+_OPTIONS: dict[str, Any] = {
+    "columns": _option(
+        "Columns of the list by quantity, if not recognised, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI."
     ),
-]
-LengthUnit = Annotated[
-    str, typer.Option(help="Unit of lengths if the list does not give it: m, ft or ftus.", rich_help_panel=_LIST)
-]
-AngleUnit = Annotated[
-    str, typer.Option(help="Unit of angles if the list does not give it: deg, rad or grad.", rich_help_panel=_LIST)
-]
-NorthOption = Annotated[
-    str,
-    typer.Option(
-        "--north",
-        help="North of the azimuths if the list does not state it: magnetic, true or grid.",
-        rich_help_panel=_LIST,
+    "length_unit": _option("Unit of lengths if the list does not give it: m, ft or ftus."),
+    "angle_unit": _option("Unit of angles if the list does not give it: deg, rad or grad."),
+    "north": _option("North of the azimuths if the list does not state it: magnetic, true or grid.", "--north"),
+    "decimal": _option("Decimal mark, point or comma, if numbers like 1,000 are ambiguous."),
+    "dip": _option("Direction of positive angles from the horizontal: down or up."),
+    "wellhead": _option(
+        "Northing and easting of the wellhead in the map coordinates of the list, m.", metavar="NORTHING,EASTING"
     ),
-]
-Decimal = Annotated[
-    str, typer.Option(help="Decimal mark, point or comma, if numbers like 1,000 are ambiguous.", rich_help_panel=_LIST)
-]
-Dip = Annotated[
-    str, typer.Option(help="Direction of positive angles from the horizontal: down or up.", rich_help_panel=_LIST)
-]
-Wellhead = Annotated[
-    str | None,
-    typer.Option(
-        help="Northing and easting of the wellhead in the map coordinates of the list, m.",
-        rich_help_panel=_LIST,
-        metavar="NORTHING,EASTING",
-    ),
-]
-Confirm = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Accept values of this kind that look wrong: dogleg, wellhead or depth. May be repeated.",
-        rich_help_panel=_LIST,
-    ),
-]
+    "confirm": Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Accept values of this kind that look wrong: dogleg, wellhead or depth. May be repeated.",
+            rich_help_panel="List",
+        ),
+    ],
+}
 PlanSet = Annotated[
     list[str] | None,
     typer.Option(
@@ -71,9 +53,9 @@ PlanSet = Annotated[
 ]
 
 
-def list_settings(options: Mapping[str, Any], option: str = "--") -> ListSettings:
+def list_settings(option: str = "--", **given: Any) -> ListSettings:
     """
-    Return the settings of a list from the options of a command.
+    Return the settings of a list from options by name; an option that is None is not set.
 
     option: prefix of the name of a setting on the command line, for messages.
 
@@ -85,12 +67,15 @@ def list_settings(options: Mapping[str, Any], option: str = "--") -> ListSetting
     from mwd_sensors.core import settings
     from mwd_surface.list_files.list_settings import ListSettings
 
-    given = {name: options[name] for name in NAMES if options[name]}
-    words = {name: value if isinstance(value, str) else ",".join(value) for name, value in given.items()}
+    words = {name: value if isinstance(value, str) else ",".join(value) for name, value in given.items() if value}
     try:
         return settings.changed(ListSettings(), {n: v if n == "columns" else v.lower() for n, v in words.items()})
     except settings.SettingsError as error:
         raise settings.SettingsError(f"{option}{error}") from error
+
+
+#: Options for reading a survey list; a command has them as the argument `listed`, of the type `ListSettings`.
+LIST = OptionGroup("listed", list_settings, _OPTIONS)
 
 
 def assigned(changes: Sequence[str] | None, option: str) -> ListSettings:
@@ -106,16 +91,16 @@ def assigned(changes: Sequence[str] | None, option: str) -> ListSettings:
     """
     from mwd_sensors.core.settings import SettingsError, unknown_key
 
-    table: dict[str, Any] = dict.fromkeys(NAMES)
+    table: dict[str, Any] = {}
     for change in changes or ():
         name, equals, value = change.partition("=")
         name = name.strip().replace("-", "_")
         if not equals:
             raise SettingsError(f"{option} {change}: write it as NAME=VALUE, for example {option} confirm=dogleg")
-        if name not in NAMES:
-            raise SettingsError(unknown_key(name, NAMES, option))
-        table[name] = [*(table[name] or ()), value] if name == "confirm" else value
-    return list_settings(table, f"{option} ")
+        if name not in _OPTIONS:
+            raise SettingsError(unknown_key(name, _OPTIONS, option))
+        table[name] = [*table.get(name, ()), value] if name == "confirm" else value
+    return list_settings(f"{option} ", **table)
 
 
 def read_plan_option(path: Path | None, changes: Sequence[str] | None, well: Well | None = None) -> Plan | None:

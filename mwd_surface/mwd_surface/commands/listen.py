@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mwd_surface.receiver.word_files import WordFiles
     from mwd_surface.receiver.words import ReceivedWord, Reception
 
-_PAUSE_S = 0.05  # s between two reads of the source
+_PAUSE_S = 0.05  # time between two reads of the source, s
 
 
 def listen(

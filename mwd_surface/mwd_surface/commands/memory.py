@@ -120,7 +120,7 @@ def merge(
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(output, FORMATS[output.suffix.lower()](logs[1], which, described))
     say = terminal.output()
-    say.print(f"clock of the memory: {clock}", markup=False)
+    say.print(f"clock of the tool's memory: {clock}", markup=False)
     for one in memory_merge.improvements(logs[0], logs[1], logs[2]):
         say.print(str(one), markup=False)
     if surveys is not None:

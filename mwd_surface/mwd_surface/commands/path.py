@@ -9,18 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mwd_surface.commands.list_options import (
-    NAMES,
-    AngleUnit,
-    Columns,
-    Confirm,
-    Decimal,
-    Dip,
-    LengthUnit,
-    NorthOption,
-    Wellhead,
-)
-from mwd_surface.commands.reference_options import Changes, Convergence, Date, Declination, Field, Lat, Lon
+from mwd_surface.commands.list_options import LIST
+from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.reference_options import PLACE, Changes, Convergence, Declination, GivenPlace
 from mwd_surface.commands.sources import survey_list_at
 
 if TYPE_CHECKING:
@@ -42,6 +33,7 @@ class Values(enum.StrEnum):
     FIRST = "first"
 
 
+@takes(PLACE, LIST)
 def path(
     source: Annotated[
         Path, typer.Argument(metavar="LIST", help="File with a list of stations, or the folder of a run.")
@@ -66,14 +58,6 @@ def path(
             metavar="NAME=VALUE",
         ),
     ] = None,
-    columns: Columns = None,
-    length_unit: LengthUnit = "",
-    angle_unit: AngleUnit = "",
-    north: NorthOption = "",
-    decimal: Decimal = "",
-    dip: Dip = "",
-    wellhead: Wellhead = None,
-    confirm: Confirm = None,
     tie_on: Annotated[
         str | None,
         typer.Option(
@@ -92,13 +76,12 @@ def path(
             rich_help_panel=_LIST,
         ),
     ] = Values.DEFINITIVE,
-    lat: Lat = None,
-    lon: Lon = None,
-    date: Date = None,
-    field: Field = None,
     declination: Declination = None,
     convergence: Convergence = None,
     changes: Changes = None,
+    *,
+    place: GivenPlace,
+    listed: ListSettings,
 ) -> None:
     """
     Compute the path of a survey list by minimum curvature, with its position uncertainty.
@@ -122,14 +105,14 @@ def path(
     import dataclasses
 
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.list_options import assigned, list_settings
+    from mwd_surface.commands.list_options import assigned
     from mwd_surface.exports.path_csv import path_csv
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked
     from mwd_surface.surveys.survey_store import encoded
     from mwd_surface.uncertainty.programme import read_programme
 
-    surveys = _surveys(source, options, list_settings(options), code)
+    surveys = _surveys(source, options, listed, code)
     if programme is not None:
         read_programme(programme)
         well = dataclasses.replace(surveys.well, programme=str(programme.resolve()))
@@ -169,7 +152,7 @@ def _surveys(
     if is_list(source):
         surveys, remarks = _imported(source, options, said, beside)
     else:
-        wrong = [name for name in NAMES if getattr(said, name)]
+        wrong = [name for name, value in vars(said).items() if value]
         wrong += [name for name in ("tie_on", "every") if options[name] and beside is None]
         if wrong:
             raise ValueError(
@@ -199,8 +182,8 @@ def _imported(
     from mwd_surface.surveys.well import Well
 
     stations = read_list(source, said.given())
-    settings = table_settings(None, options["changes"], *(options[name] for name in ("lat", "lon", "date", "field")))
-    known = GivenReference.of(options["field"], options["declination"], options["convergence"])
+    settings = table_settings(None, options["changes"], options["place"])
+    known = GivenReference.of(options["place"].field, options["declination"], options["convergence"])
     reference, remarks = table_reference(settings, known, stations.time, _USUAL_DAY)
     if reference is None and beside is not None:
         reference, well = reference_in(beside), dataclasses.replace(beside.well, name=source.stem)
@@ -263,8 +246,11 @@ def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> 
     """
     Compare a path with the path of another list, print the differences, and return the files to write, by name.
 
-    The azimuths of the other list are first referred to the north of the path. names : names of the two lists. Raises
-    ValueError if declination or convergence for this is unknown.
+    The azimuths of the other list are first referred to the north of the path.
+
+    names : names of the two lists.
+
+    Raises ValueError if declination or convergence for this is unknown.
     """
     import dataclasses
 

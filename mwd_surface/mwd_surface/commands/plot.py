@@ -8,10 +8,11 @@ from typing import Annotated
 
 import typer
 
-from mwd_surface.commands.recording_options import Reading, Recording, input_settings, reads_recording
+from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.recording_options import READING, Reading, Recording, input_settings
 
 
-@reads_recording
+@takes(READING)
 def plot(
     bag: Recording,
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write, .png or .svg.")],

@@ -6,30 +6,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from mwd_surface.commands.process_options import (
-    Accelerometer,
-    CalibrationFile,
-    Depths,
-    Force,
-    Format,
-    Method,
-    MountOption,
-    NorthName,
-    Output,
-    Rate,
-    SensorToBit,
-    Smooth,
-)
-from mwd_surface.commands.recording_options import Reading, Recording, input_settings, reads_recording
+import typer
+
+from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.recording_options import READING, Reading, Recording, input_settings
 from mwd_surface.commands.reference_options import (
+    FIELD_PANEL,
+    INPUT_PANEL,
+    PLACE,
     Changes,
     Config,
-    Date,
-    Field,
-    Lat,
-    Lon,
+    GivenPlace,
+    Mount,
     Precision,
     Tool,
     given_settings,
@@ -47,30 +37,90 @@ if TYPE_CHECKING:
     from mwd_surface.surveys.recorded_settings import Recorded
 
 
-@reads_recording
+@takes(PLACE, READING)
 def process(
     bag: Recording,
-    output: Output,
-    method: Method = None,
-    lat: Lat = None,
-    lon: Lon = None,
-    date: Date = None,
-    field: Field = None,
-    north: NorthName = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
+    method: Annotated[
+        str | None,
+        typer.Option(
+            "--method",
+            help="Method that estimates gravity (see `mwd doctor`); by default the method in the recording, else "
+            "bounded.",
+        ),
+    ] = None,
+    north: Annotated[
+        str | None,
+        typer.Option(
+            "--north",
+            help="North of the azimuths: magnetic, true, grid, or best (grid if known, else true, else magnetic).",
+            rich_help_panel=FIELD_PANEL,
+        ),
+    ] = None,
     tool: Tool = None,
     precision: Precision = None,
     config: Config = None,
     changes: Changes = None,
-    sensor_to_bit_m: SensorToBit = None,
-    depths: Depths = None,
-    calibration: CalibrationFile = None,
-    mount: MountOption = None,
-    accelerometer: Accelerometer = None,
-    form: Format = None,
-    rate_hz: Rate = None,
-    smooth: Smooth = False,
-    force: Force = False,
+    sensor_to_bit_m: Annotated[
+        float | None,
+        typer.Option(
+            "--sensor-to-bit",
+            help="Distance of the sonde behind the bit, m; by default the distance in the recording, else 0.",
+            rich_help_panel=INPUT_PANEL,
+        ),
+    ] = None,
+    depths: Annotated[
+        str | None,
+        typer.Option(
+            "--depths",
+            help="CSV table of depths, with columns time and bit_depth_m, or survey and md_m; by default the rig's "
+            "depths.",
+            metavar="FILE",
+            rich_help_panel=INPUT_PANEL,
+        ),
+    ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(
+            help="YAML file from `mwd calibrate`, to correct IMU and magnetometer.", rich_help_panel=INPUT_PANEL
+        ),
+    ] = None,
+    mount: Mount = None,
+    accelerometer: Annotated[
+        str | None,
+        typer.Option(
+            help="Direction in which the accelerometer reads at rest: up (specific force) or down (gravity).",
+            rich_help_panel=INPUT_PANEL,
+        ),
+    ] = None,
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--format", "-f", help="Format of the attitude: csv (default), parquet or mcap.", rich_help_panel="Output"
+        ),
+    ] = None,
+    rate_hz: Annotated[
+        float | None,
+        typer.Option(
+            "--rate",
+            help="Largest number of attitude rows per second, Hz; by default one row for every IMU message.",
+            metavar="HZ",
+            rich_help_panel="Output",
+        ),
+    ] = None,
+    smooth: Annotated[
+        bool,
+        typer.Option(
+            "--smooth",
+            help="Also use later samples to estimate gravity (method bounded only).",
+            rich_help_panel="Output",
+        ),
+    ] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the results of an earlier run in the folder.")
+    ] = False,
     *,
+    place: GivenPlace,
     reading: Reading,
 ) -> None:
     """
@@ -96,12 +146,12 @@ def process(
 
     if not force:
         _refuse_taken(output)
-    place = recording_changes(lat, lon, date, field)
+    placed = recording_changes(*place)
     sensors = tool_changes(tool, precision) | mount_changes(mount, accelerometer)
     _run(
         bag,
         output,
-        lambda recorded: placed_settings(config, changes, place, method, north, sensors, recorded),
+        lambda recorded: placed_settings(config, changes, placed, method, north, sensors, recorded),
         input_settings(reading, sensor_to_bit_m=sensor_to_bit_m, depths=depths),
         given_settings(OutputSettings, {"format": form, "rate_hz": rate_hz, "smooth": smooth}),
         calibration,

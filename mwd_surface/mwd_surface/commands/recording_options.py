@@ -3,21 +3,18 @@
 
 from __future__ import annotations
 
-import functools
-import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mwd_surface.commands.reference_options import given_settings
+from mwd_surface.commands.option_group import OptionGroup
+from mwd_surface.commands.reference_options import INPUT_PANEL, given_settings
 from mwd_surface.commands.sources import recording_at
 
 if TYPE_CHECKING:
     from mwd_surface.processing.bag_input import InputSettings
-
-INPUT_PANEL = "Input"
 
 Recording = Annotated[
     Path,
@@ -26,7 +23,7 @@ Recording = Annotated[
         callback=recording_at,
     ),
 ]
-#: Values of the options for reading a recording, by name of the setting, as passed by `reads_recording`.
+#: Values of the options for reading a recording, by name of the setting.
 Reading = Mapping[str, Any]
 
 
@@ -38,7 +35,7 @@ def _seconds(words: str, name: str) -> Any:
     return Annotated[float | None, typer.Option(name, help=words, rich_help_panel=INPUT_PANEL)]
 
 
-_OPTIONS = {
+_OPTIONS: dict[str, Any] = {
     "imu_topic": _text("Topic of the IMU, or of the gyro if gyro and accelerometer have separate topics."),
     "accel_topic": _text("Topic of the accelerometer, if the topic of the IMU has only the gyro."),
     "mag_topic": _text("Topic of the magnetometer."),
@@ -56,35 +53,13 @@ _OPTIONS = {
     "start_s": _seconds("Start this many seconds after the first message.", "--start"),
     "end_s": _seconds("End this many seconds after the first message.", "--end"),
     "partial": Annotated[
-        bool,
+        bool | None,
         typer.Option("--partial", help="Use the readable part of a damaged recording.", rich_help_panel=INPUT_PANEL),
     ],
 }
 
-
-def reads_recording(command: Callable[..., None]) -> Callable[..., None]:
-    """
-    Return a command with the options for reading a recording added to its own options.
-
-    The command must have an argument `reading` (see `Reading`), from which `input_settings` makes the settings.
-    """
-    own = inspect.signature(command, eval_str=True)
-    options = [
-        inspect.Parameter(
-            name, inspect.Parameter.KEYWORD_ONLY, default=False if name == "partial" else None, annotation=annotation
-        )
-        for name, annotation in _OPTIONS.items()
-    ]
-    kept = [parameter for parameter in own.parameters.values() if parameter.name != "reading"]
-
-    @functools.wraps(command)
-    def called(*arguments: Any, **given: Any) -> None:
-        command(*arguments, reading={name: given.pop(name, None) for name in _OPTIONS}, **given)
-
-    # typer makes the options of the command line from the signature and the annotations.
-    called.__signature__ = own.replace(parameters=[*kept, *options])  # type: ignore[attr-defined]
-    called.__annotations__ = {one.name: one.annotation for one in (*kept, *options)}
-    return called
+#: Options for reading a recording; a command has them as the argument `reading` (see `Reading`).
+READING = OptionGroup("reading", dict, _OPTIONS)
 
 
 def given_names(reading: Reading) -> list[str]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
 import typer
+
+from mwd_surface.commands.option_group import OptionGroup
 
 if TYPE_CHECKING:
     from mwd_estimation.settings.estimator import EstimatorSettings
@@ -15,28 +17,50 @@ if TYPE_CHECKING:
 S = TypeVar("S")
 
 FIELD_PANEL = "Reference field"
+INPUT_PANEL = "Input"
 SETTINGS_PANEL = "Settings"
 
-Lat = Annotated[float | None, typer.Option("--lat", help="Latitude, deg, north positive.", rich_help_panel=FIELD_PANEL)]
-Lon = Annotated[float | None, typer.Option("--lon", help="Longitude, deg, east positive.", rich_help_panel=FIELD_PANEL)]
-Date = Annotated[
-    str | None,
-    typer.Option(
-        "--date",
-        help="Day for the field model, YYYY-MM-DD; by default the day of the data.",
-        rich_help_panel=FIELD_PANEL,
-        metavar="DAY",
-    ),
-]
-Field = Annotated[
-    str | None,
-    typer.Option(
-        "--field",
-        help="Known magnetic field: total in nT, dip and optionally declination in deg, e.g. 50360,71.63,-2.2.",
-        rich_help_panel=FIELD_PANEL,
-        metavar="B,D,D",
-    ),
-]
+
+class GivenPlace(NamedTuple):
+    """Place or field of the options: latitude and longitude, deg, day, and texts; None if not given."""
+
+    lat: float | None
+    lon: float | None
+    date: str | None
+    field: str | None
+
+
+#: Options for the source of the reference field; a command has them as the argument `place`.
+PLACE = OptionGroup(
+    "place",
+    GivenPlace,
+    {
+        "lat": Annotated[
+            float | None, typer.Option("--lat", help="Latitude, deg, north positive.", rich_help_panel=FIELD_PANEL)
+        ],
+        "lon": Annotated[
+            float | None, typer.Option("--lon", help="Longitude, deg, east positive.", rich_help_panel=FIELD_PANEL)
+        ],
+        "date": Annotated[
+            str | None,
+            typer.Option(
+                "--date",
+                help="Day for the field model, YYYY-MM-DD; by default the day of the data.",
+                rich_help_panel=FIELD_PANEL,
+                metavar="DAY",
+            ),
+        ],
+        "field": Annotated[
+            str | None,
+            typer.Option(
+                "--field",
+                help="Known magnetic field: total in nT, dip and optionally declination in deg, e.g. 50360,71.63,-2.2.",
+                rich_help_panel=FIELD_PANEL,
+                metavar="B,D,D",
+            ),
+        ],
+    },
+)
 Declination = Annotated[
     float | None,
     typer.Option(
@@ -81,6 +105,17 @@ Precision = Annotated[
     str | None,
     typer.Option(
         "--precision", help="Like --tool, for the high-precision unit.", rich_help_panel=SETTINGS_PANEL, metavar="FILE"
+    ),
+]
+Mount = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--mount",
+        help="Orientation of the units in the tool: the axis that points down-hole or up-hole (z-down, x-up ...), nine "
+        "numbers (matrix from unit to tool axes), a quaternion x,y,z,w, or tf (static transforms). For one unit: "
+        "imu=, mag= or precision= before it. May be repeated.",
+        metavar="[UNIT=]MOUNT",
+        rich_help_panel=INPUT_PANEL,
     ),
 ]
 

@@ -12,9 +12,9 @@ import typer
 if TYPE_CHECKING:
     from mwd_surface.runs.supervise import Supervisor
 
-_SAY_EVERY = 30.0  # s between two messages with the reason why the start waits
-_SETTLE = 1.5  # s between the last sample and the end of the run, for messages that are still being transmitted
-_POLL = 0.1  # s between two checks of the processes
+_SAY_EVERY = 30.0  # time between two messages with the reason why the start waits, s
+_SETTLE = 1.5  # time from the last sample to the end of the run, for messages that are still being transmitted, s
+_POLL = 0.1  # time between two checks of the processes, s
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,9 +22,11 @@ class RunOptions:
     """
     Options for running the graph.
 
-    port: port of the page; None: a free port. rig: whether rig interfaces are on. hold: whether the graph continues to
-    run after the scenario. words: ROS arguments for every node. single_process: whether sonde, estimator and surface
-    share one process.
+    port: port of the page; None: a free port.
+    rig: whether rig interfaces are on.
+    hold: whether the graph continues to run after the scenario.
+    words: ROS arguments for every node.
+    single_process: whether sonde, estimator and surface share one process.
     """
 
     port: int | None

@@ -12,7 +12,7 @@ import typer
 from mwd_surface.commands.speech import say
 
 _SETTINGS = "Settings"
-_LEAST_SECRET = 8  # least number of characters of a secret, as required by the page
+_LEAST_SECRET = 8  # length of the shortest secret that the page accepts
 
 Hold = Annotated[bool, typer.Option("--hold", help="Keep running after the scenario, until Ctrl-C.")]
 SingleProcess = Annotated[
@@ -227,8 +227,6 @@ def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
     ------
     ValueError
         The secret is too short.
-        OSError
-        The file cannot be written.
     """
     import os
     import secrets

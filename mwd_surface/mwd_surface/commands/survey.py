@@ -9,31 +9,27 @@ from typing import Annotated
 
 import typer
 
+from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.reference_options import (
     FIELD_PANEL,
+    PLACE,
     Changes,
     Config,
     Convergence,
-    Date,
     Declination,
-    Field,
-    Lat,
-    Lon,
+    GivenPlace,
 )
 
 
+@takes(PLACE)
 def survey(
     stations: Annotated[Path, typer.Argument(help="CSV file with one line per station and named columns.")],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="CSV file to write, in addition to the printed table.")
     ] = None,
-    field: Field = None,
     declination: Declination = None,
     convergence: Convergence = None,
     gravity: Annotated[float | None, typer.Option(help="Local gravity, m/s^2.", rich_help_panel=FIELD_PANEL)] = None,
-    lat: Lat = None,
-    lon: Lon = None,
-    date: Date = None,
     axial: Annotated[
         str | None, typer.Option(help="Axis that points down-hole, x or z, if columns are named like gx, gy, gz.")
     ] = None,
@@ -46,6 +42,8 @@ def survey(
     ] = None,
     config: Config = None,
     changes: Changes = None,
+    *,
+    place: GivenPlace,
 ) -> None:
     """
     Compute surveys from a table of six-axis readings, each with its verdict and the reasons.
@@ -83,9 +81,11 @@ def survey(
     from mwd_surface.surveys.table_run import run_stations, table_surveys
 
     table = read_table(stations).columns()
-    settings = table_settings(config, changes, lat, lon, date, field)
+    settings = table_settings(config, changes, place)
     times = table.get(find_columns(table, axial).time or "", ())
-    override, remarks = table_reference(settings, GivenReference.of(field, declination, convergence, gravity), times)
+    override, remarks = table_reference(
+        settings, GivenReference.of(place.field, declination, convergence, gravity), times
+    )
     rows = RowReference(settings)
     read = table_rows(table, override, axial=axial, refine=rows.at, run=runs)
     params = station_params(settings)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.settings.estimator import EstimatorSettings
+    from mwd_surface.commands.reference_options import GivenPlace
 
 # Settings of the place that have no use with a table, by source of the field.
 _BESIDE_A_MODEL = ("total_nt", "dip_deg", "declination_deg", "convergence_deg")
@@ -58,14 +59,7 @@ class GivenReference:
         return named if self.gravity is None else {**named, "gravity": self.gravity}
 
 
-def table_settings(
-    config: Path | None,
-    changes: Sequence[str] | None,
-    lat: float | None,
-    lon: float | None,
-    date: str | None,
-    field: str | None,
-) -> EstimatorSettings:
+def table_settings(config: Path | None, changes: Sequence[str] | None, given: GivenPlace) -> EstimatorSettings:
     """
     Return settings for a table from the options of a command.
 
@@ -77,7 +71,7 @@ def table_settings(
     from mwd_estimation.settings.place import Place
     from mwd_surface.commands.reference_options import estimator_settings, place_changes
 
-    named = place_changes(lat, lon, date, field)
+    named = place_changes(*given)
     # The rows of a table may contain a declination that the options do not give.
     named.pop("survey.north", None)
     settings = estimator_settings(config, named, changes)

@@ -8,16 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mwd_surface.commands.list_options import (
-    AngleUnit,
-    Columns,
-    Confirm,
-    Decimal,
-    Dip,
-    LengthUnit,
-    NorthOption,
-    Wellhead,
-)
+from mwd_surface.commands.list_options import LIST
+from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.sources import survey_list_at
 
 if TYPE_CHECKING:
@@ -26,6 +18,7 @@ if TYPE_CHECKING:
     from mwd_surface.trajectory.dense_trajectory import Continuous
 
 
+@takes(LIST)
 def trajectory(
     source: Annotated[
         Path, typer.Argument(metavar="LIST", help="Folder of a run, its surveys.json, or a list as in `mwd path`.")
@@ -49,14 +42,8 @@ def trajectory(
             metavar="NAME=VALUE",
         ),
     ] = None,
-    columns: Columns = None,
-    length_unit: LengthUnit = "",
-    angle_unit: AngleUnit = "",
-    north: NorthOption = "",
-    decimal: Decimal = "",
-    dip: Dip = "",
-    wellhead: Wellhead = None,
-    confirm: Confirm = None,
+    *,
+    listed: ListSettings,
 ) -> None:
     """
     Compute the path between the survey stations from continuous inclination and azimuth, or from the slide sheet.
@@ -70,9 +57,8 @@ def trajectory(
       mwd trajectory processed --recording bags/run_7 -o dense
       mwd trajectory list.csv --continuous continuous.las -o dense --step 0.5
     """
-    options = locals()  # must be the first statement, while the options are the only local variables
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.list_options import assigned, list_settings
+    from mwd_surface.commands.list_options import assigned
     from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.exports.trajectory_files import summary, trajectory_csv, trajectory_las
     from mwd_surface.list_files.list_file import is_list
@@ -85,10 +71,9 @@ def trajectory(
 
     if continuous is not None and recording is not None:
         raise ValueError("--continuous and --recording: give only one of them")
-    said = list_settings(options)
-    if said != ListSettings() and not is_list(source):
+    if listed != ListSettings() and not is_list(source):
         raise ValueError(f"{source} is the list of a run, which needs no options of panel List; omit them")
-    surveys, remarks = survey_list_at(source, said.given())
+    surveys, remarks = survey_list_at(source, listed.given())
     if slides is not None and not slides.is_file():
         raise ValueError(f"--slides {slides}: file not found")
     stretches = read_stretches(slides)[0] if slides is not None else stretches_of(source)[0]

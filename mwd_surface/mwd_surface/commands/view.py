@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands.list_options import PlanSet
-from mwd_surface.commands.recording_options import Reading, given_names, input_settings, reads_recording
+from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
 from mwd_surface.commands.sources import estimated
 
 if TYPE_CHECKING:
@@ -19,11 +20,11 @@ if TYPE_CHECKING:
     from mwd_surface.runs.player import Player, Playing
     from mwd_surface.trajectory.plan import Plan
 
-_PERIOD_S = 0.1  # s between two states of the page
-_LOOK_S = 0.5  # s of work in a seek after which an intermediate state is shown
+_PERIOD_S = 0.1  # time between two states of the page, s
+_LOOK_S = 0.5  # duration of a seek after which an intermediate state is shown, s
 
 
-@reads_recording
+@takes(READING)
 def view(
     run: Annotated[Path, typer.Argument(metavar="RUN|BAG", help="Folder of a run, or a recording.")],
     port: Annotated[int | None, typer.Option(help="Port of the page; by default 8080 or a free one.")] = None,

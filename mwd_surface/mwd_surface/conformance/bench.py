@@ -56,7 +56,8 @@ class Wish:
     """
     Request for control.
 
-    duration : length of the lease, s. speed, left_speed : limits, rad/s; 0 means the limit set at the rig.
+    duration : length of the lease, s.
+    speed, left_speed : limits, rad/s; 0 means the limit set at the rig.
     """
 
     name: str = "conformance one"
@@ -109,7 +110,7 @@ class Interface(Protocol):
         """Return the public state of the authority."""
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return the additional cases of this interface: title, expected result, and function."""
+        """Return the test cases that only this interface has: title, expected result, and function."""
 
     def close(self) -> None:
         """Close all clients."""
@@ -131,7 +132,6 @@ class Bench:
 
     Parameters
     ----------
-    interface : Interface
     person : Person or None
         Person at the rig; None: nobody can grant or take back control, so cases that need a person are skipped.
     heartbeat_s : float
@@ -193,14 +193,24 @@ class Bench:
             raise CaseError(f"control was not granted: {answer.message or 'permission 0'}")
         return answer.lease
 
-    def turning(self, peer: AuthorityClient, lease: int, sequence: int = 1, **point: object) -> None:
+    def turning(self, sequence: int = 1, **point: object) -> int:
         """
-        Let the owner send a set-point, and check that it comes into force.
+        Let the first client take control and send a set-point, and return the number of its lease.
+
+        Raises CaseError or NotPossibleError like `take` and `send`.
+        """
+        lease = self.take(self.one())
+        self.send(lease, sequence, **point)
+        return lease
+
+    def send(self, lease: int, sequence: int = 1, **point: object) -> None:
+        """
+        Let the owner of the lease, the first client, send a set-point, and check that it comes into force.
 
         Raises CaseError if another set-point or none is in force after 3 s.
         """
         wanted = Point(**point)  # type: ignore[arg-type]
-        peer.send(lease, sequence, wanted)
+        self.one().send(lease, sequence, wanted)
         if not self.until(lambda: self._in_force(lease, sequence)):
             needs = "; turns need a toolface: is the MWD alive?" if wanted.turn else ""
             raise CaseError(f"set-point {sequence} of the owner did not come into force{needs}")
@@ -218,11 +228,11 @@ class Bench:
             time.sleep(0.05)
         return True
 
-    def lives(self, peer: AuthorityClient, lease: int, seconds: float) -> None:
-        """Send heartbeats under a lease for `seconds`, s."""
+    def lives(self, lease: int, seconds: float) -> None:
+        """Let the first client send heartbeats under a lease for `seconds`, s."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            peer.send(lease, HEARTBEAT, Point())
+            self.one().send(lease, HEARTBEAT, Point())
             time.sleep(min(0.2, self.heartbeat_s / 5.0))
 
     def ends(self, lease: int, within: float | None = None) -> bool:

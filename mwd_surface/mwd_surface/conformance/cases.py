@@ -87,17 +87,16 @@ def _refused(bench: Bench, lease: int, taken: bool, sequence: int = 1) -> tuple[
 
 @case("a controller that keeps the rules", "control is granted, obeyed and given back")
 def _honest(bench: Bench) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease)
-    bench.lives(bench.one(), lease, bench.heartbeat_s + 0.5)
+    lease = bench.turning()
+    bench.lives(lease, bench.heartbeat_s + 0.5)
     kept = bench.view().lease == lease
     given = bench.one().release(lease) and bench.ends(lease)
     return kept and given, f"heartbeats {'kept' if kept else 'lost'} the lease; {'' if given else 'not '}given back"
 
 
-def _renewal(bench: Bench, granted: dict[str, object], more: dict[str, object]) -> tuple[bool, str]:
+def _renewed(bench: Bench, granted: dict[str, float], more: dict[str, float]) -> tuple[bool, str]:
     lease = bench.take(bench.one(), **granted)
-    bench.turning(bench.one(), lease)
+    bench.send(lease)
     answer = bench.ask(bench.one(), **{**granted, **more})
     if answer.permission == Permission.GRANTED:
         return False, f"granted: lease {answer.lease}"
@@ -105,39 +104,33 @@ def _renewal(bench: Bench, granted: dict[str, object], more: dict[str, object]) 
     return same, f"{'denied' if answer.permission == Permission.DENIED else 'waits for a person'}; {observed}"
 
 
-@case("renewal with a higher priority", "denied, or a person decides")
-def _renewal_priority(bench: Bench) -> tuple[bool, str]:
-    return _renewal(bench, {"priority": 1}, {"priority": 255})
+def _renewal(title: str, granted: dict[str, float], more: dict[str, float]) -> None:
+    @case(f"renewal {title}", "denied, or a person decides")
+    def renewal(bench: Bench) -> tuple[bool, str]:
+        return _renewed(bench, granted, more)
 
 
-@case("renewal for a longer time", "denied, or a person decides")
-def _renewal_longer(bench: Bench) -> tuple[bool, str]:
-    return _renewal(bench, {"duration": 20.0}, {"duration": 30.0})
-
-
-@case("renewal for the longest time, requested as 0", "denied, or a person decides")
-def _renewal_longest(bench: Bench) -> tuple[bool, str]:
-    return _renewal(bench, {"duration": 20.0}, {"duration": 0.0})
+_renewal("with a higher priority", {"priority": 1}, {"priority": 255})
+_renewal("for a longer time", {"duration": 20.0}, {"duration": 30.0})
+_renewal("for the longest time, requested as 0", {"duration": 20.0}, {"duration": 0.0})
 
 
 @case("renewal with a wider limit", "denied, or a person decides; the limit holds")
 def _renewal_wider(bench: Bench) -> tuple[bool, str]:
-    passed, observed = _renewal(bench, {"speed": 1.0}, {"speed": 2.0})
+    passed, observed = _renewed(bench, {"speed": 1.0}, {"speed": 2.0})
     lease = bench.view().lease
     return (passed and not bench.one().send(lease, 2, Point(speed=1.5))), observed
 
 
-@case("renewal with the limits of the rig, requested as 0", "denied, or a person decides")
-def _renewal_site(bench: Bench) -> tuple[bool, str]:
-    return _renewal(bench, {"speed": 1.0}, {"speed": 0.0})
+_renewal("with the limits of the rig, requested as 0", {"speed": 1.0}, {"speed": 0.0})
 
 
 @case("renewal with the conditions granted before", "the same lease is prolonged")
 def _renewal_same(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one(), duration=3.0)
-    bench.lives(bench.one(), lease, 1.5)
+    bench.lives(lease, 1.5)
     answer = bench.ask(bench.one(), duration=3.0)
-    bench.lives(bench.one(), lease, 2.0)
+    bench.lives(lease, 2.0)
     view = bench.view()
     passed = (answer.permission, answer.lease, view.lease) == (Permission.GRANTED, lease, lease)
     return passed, f"permission {answer.permission}, lease {answer.lease}; in force 2 s later: {view.lease}"
@@ -146,7 +139,7 @@ def _renewal_same(bench: Bench) -> tuple[bool, str]:
 @case("renewal after expiry", "a new lease with a higher number, or none")
 def _renewal_late(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one(), duration=1.0)
-    bench.lives(bench.one(), lease, 1.5)
+    bench.lives(lease, 1.5)
     answer = bench.ask(bench.one(), duration=1.0)
     return answer.lease == 0 or answer.lease > lease, f"lease {lease} ended, answer: lease {answer.lease}"
 
@@ -154,8 +147,8 @@ def _renewal_late(bench: Bench) -> tuple[bool, str]:
 @case("set-point after expiry", "refused")
 def _late(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one(), duration=1.0)
-    bench.turning(bench.one(), lease)
-    bench.lives(bench.one(), lease, 1.3)
+    bench.send(lease)
+    bench.lives(lease, 1.3)
     taken = bench.one().send(lease, 2, Point())
     view = bench.view()
     return not taken and view.lease == 0 and view.mode not in _OBEYS, f"lease {view.lease}, mode {view.mode}"
@@ -171,49 +164,48 @@ def _second_name(bench: Bench) -> tuple[bool, str]:
 # Sequence numbers of set-points.
 
 
-@case("a turn with a repeated set-point number", "refused; the turn is made once")
-def _repeated_turn(bench: Bench) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease, mode=Mode.ORIENT, turn=0.2, speed=0.0)
-    return _refused(bench, lease, bench.one().send(lease, 1, Point(Mode.ORIENT, 0.0, 0.2)))
+def _misuse(
+    title: str, misuse: Callable[[Bench, int], bool], expected: str = "refused", sequence: int = 1, **point: object
+) -> None:
+    """Add a case: the owner of a lease sends a set-point; then `misuse` is called with the lease, and must fail."""
+
+    @case(title, expected)
+    def misused(bench: Bench) -> tuple[bool, str]:
+        lease = bench.turning(sequence, **point)
+        return _refused(bench, lease, misuse(bench, lease), sequence)
 
 
-@case("a rotation with a repeated set-point number", "refused")
-def _repeated(bench: Bench) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease)
-    return _refused(bench, lease, bench.one().send(lease, 1, Point()))
+def _sent(sequence: int, point: Point) -> Callable[[Bench, int], bool]:
+    """Return a misuse: the owner sends a set-point."""
+    return lambda bench, lease: bench.one().send(lease, sequence, point)
 
 
-@case("another set-point with a repeated number", "refused")
-def _repeated_other(bench: Bench) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease)
-    return _refused(bench, lease, bench.one().send(lease, 1, Point(Mode.ORIENT, 0.0, 0.2)))
-
-
-@case("a set-point with a lower number than the last", "refused")
-def _older(bench: Bench) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease, 5)
-    return _refused(bench, lease, bench.one().send(lease, 3, Point(speed=0.2)), 5)
+_TURN = Point(Mode.ORIENT, 0.0, 0.2)
+_misuse(
+    "a turn with a repeated set-point number",
+    _sent(1, _TURN),
+    "refused; the turn is made once",
+    mode=Mode.ORIENT,
+    turn=0.2,
+    speed=0.0,
+)
+_misuse("a rotation with a repeated set-point number", _sent(1, Point()))
+_misuse("another set-point with a repeated number", _sent(1, _TURN))
+_misuse("a set-point with a lower number than the last", _sent(3, Point(speed=0.2)), sequence=5)
 
 
 @case("a set-point with the largest number, then others", "accepted, then refused; control is given back")
 def _overflow(bench: Bench) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease, bench.interface.largest)
+    lease = bench.turning(bench.interface.largest)
     passed, observed = _refused(bench, lease, bench.one().send(lease, 1, Point()), bench.interface.largest)
     return passed and bench.one().release(lease), observed
 
 
 @case("set-point numbers under a new lease", "accepted from 1 again")
 def _new_numbers(bench: Bench) -> tuple[bool, str]:
-    first = bench.take(bench.one())
-    bench.turning(bench.one(), first, 7)
+    first = bench.turning(7)
     bench.one().release(first)
-    second = bench.take(bench.one())
-    bench.turning(bench.one(), second, 1)
+    second = bench.turning()
     return second > first, f"leases {first}, {second}"
 
 
@@ -222,46 +214,30 @@ def _new_numbers(bench: Bench) -> tuple[bool, str]:
 
 @case("no command from the controller", "the lease ends with the configured reaction")
 def _silence(bench: Bench) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease, mode=Mode.ORIENT, turn=0.2, speed=0.0)
+    lease = bench.turning(mode=Mode.ORIENT, turn=0.2, speed=0.0)
     ended = bench.ends(lease)
     return ended, f"the lease {'ended' if ended else 'goes on'}; mode {bench.view().mode}"
 
 
-def _no_heartbeat(bench: Bench, send: Callable[[int], object]) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease)
-    end = time.monotonic() + bench.heartbeat_s + 1.5
-    while time.monotonic() < end and bench.interface.view().lease == lease:
-        send(lease)
-        time.sleep(0.1)
-    ended = bench.view().lease != lease
-    return ended, f"the lease {'ended' if ended else 'was kept alive'}"
+def _no_heartbeat(title: str, send: Callable[[Bench, int], object]) -> None:
+    @case(title, "no heartbeat: the lease ends")
+    def no_heartbeat(bench: Bench) -> tuple[bool, str]:
+        lease = bench.turning()
+        end = time.monotonic() + bench.heartbeat_s + 1.5
+        while time.monotonic() < end and bench.interface.view().lease == lease:
+            send(bench, lease)
+            time.sleep(0.1)
+        ended = bench.view().lease != lease
+        return ended, f"the lease {'ended' if ended else 'was kept alive'}"
 
 
-@case("only refused set-points: not a number", "no heartbeat: the lease ends")
-def _refused_nan(bench: Bench) -> tuple[bool, str]:
-    return _no_heartbeat(bench, lambda lease: bench.one().send(lease, 2, Point(speed=math.nan)))
-
-
-@case("only refused set-points: beyond a limit", "no heartbeat: the lease ends")
-def _refused_limit(bench: Bench) -> tuple[bool, str]:
-    return _no_heartbeat(bench, lambda lease: bench.one().send(lease, 2, Point(speed=_FAR)))
-
-
-@case("only refused set-points: a repeated number", "no heartbeat: the lease ends")
-def _refused_repeated(bench: Bench) -> tuple[bool, str]:
-    return _no_heartbeat(bench, lambda lease: bench.one().send(lease, 1, Point()))
-
-
-@case("only refused renewals", "no heartbeat: the lease ends")
-def _refused_renewals(bench: Bench) -> tuple[bool, str]:
-    return _no_heartbeat(bench, lambda _lease: bench.ask(bench.one(), priority=250))
-
-
-@case("heartbeats of another client under the lease", "no heartbeat: the lease ends")
-def _foreign_heartbeat(bench: Bench) -> tuple[bool, str]:
-    return _no_heartbeat(bench, lambda lease: bench.other().send(lease, HEARTBEAT, Point()))
+_no_heartbeat("only refused set-points: not a number", _sent(2, Point(speed=math.nan)))
+_no_heartbeat("only refused set-points: beyond a limit", _sent(2, Point(speed=_FAR)))
+_no_heartbeat("only refused set-points: a repeated number", _sent(1, Point()))
+_no_heartbeat("only refused renewals", lambda bench, _lease: bench.ask(bench.one(), priority=250))
+_no_heartbeat(
+    "heartbeats of another client under the lease", lambda bench, lease: bench.other().send(lease, HEARTBEAT, Point())
+)
 
 
 @case("a set-point that is valid for 0.4 s, without a heartbeat", "the string is held; the lease stays")
@@ -274,8 +250,7 @@ def _validity(bench: Bench) -> tuple[bool, str]:
 
 @case("a set-point that is valid for 1e30 s, then silence", "the lease ends nevertheless")
 def _valid_for_ever(bench: Bench) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease, valid_for=1e30)
+    lease = bench.turning(valid_for=1e30)
     return bench.ends(lease), f"lease {bench.view().lease}"
 
 
@@ -307,25 +282,19 @@ def _higher(bench: Bench) -> tuple[bool, str]:
     return second > first and not taken and view.lease == second, f"lease {view.lease}, set-point {view.sequence}"
 
 
-@case("another client commands with the lease number that it has read", "refused")
-def _thief(bench: Bench) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease)
-    taken = bench.other().send(bench.view().lease, 2, Point(speed=0.9))
-    return _refused(bench, lease, taken)
-
-
-@case("another client releases the lease whose number it has read", "refused")
-def _thief_releases(bench: Bench) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease)
-    return _refused(bench, lease, bench.other().release(bench.view().lease))
+_misuse(
+    "another client commands with the lease number that it has read",
+    lambda bench, _lease: bench.other().send(bench.view().lease, 2, Point(speed=0.9)),
+)
+_misuse(
+    "another client releases the lease whose number it has read",
+    lambda bench, _lease: bench.other().release(bench.view().lease),
+)
 
 
 @case("another client requests control under the name of the controller in control", "denied")
 def _impostor(bench: Bench) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease)
+    lease = bench.turning()
     answers = [bench.ask(bench.other(), priority=priority).permission for priority in (5, 255)]
     passed, observed = _refused(bench, lease, taken=False)
     return passed and set(answers) == {Permission.DENIED}, f"permissions {answers}; {observed}"
@@ -358,7 +327,7 @@ def _both(bench: Bench) -> tuple[bool, str]:
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
         theft = pool.submit(lambda: [bench.other().send(lease, k, Point(speed=0.9)) for k in range(2, 9, 2)])
         for sequence in (1, 3, 5):
-            bench.turning(bench.one(), lease, sequence)
+            bench.send(lease, sequence)
         stolen = sum(theft.result())
     view = bench.view()
     return (
@@ -368,14 +337,6 @@ def _both(bench: Bench) -> tuple[bool, str]:
 
 
 # Set-points beyond the limits.
-
-
-def _beyond(title: str, expected: str, point: Point) -> None:
-    @case(title, expected)
-    def beyond(bench: Bench) -> tuple[bool, str]:
-        lease = bench.take(bench.one())
-        bench.turning(bench.one(), lease)
-        return _refused(bench, lease, bench.one().send(lease, 2, point))
 
 
 for _title, _point in (
@@ -398,48 +359,43 @@ for _title, _point in (
     ("a validity that is not a number", Point(valid_for=math.nan)),
     ("a set-point that is valid for ever", Point(valid_for=math.inf)),
 ):
-    _beyond(_title, "refused; the set-point before stays in force", _point)
+    _misuse(_title, _sent(2, _point), "refused; the set-point before stays in force")
 
 
 # Leases that are not in force.
 
 
-def _not_in_force(bench: Bench, peer_lease: Callable[[], int]) -> tuple[bool, str]:
-    taken = bench.one().send(peer_lease(), 1, Point())
+def _not_in_force(bench: Bench, lease: int) -> tuple[bool, str]:
+    taken = bench.one().send(lease, 1, Point())
     view = bench.view()
     return not taken and view.mode not in _OBEYS, f"lease {view.lease}, mode {view.mode}"
 
 
 @case("a set-point before any request", "refused")
 def _no_lease(bench: Bench) -> tuple[bool, str]:
-    return _not_in_force(bench, lambda: 1)
+    return _not_in_force(bench, 1)
 
 
 @case("a set-point with lease number 0", "refused")
 def _lease_zero(bench: Bench) -> tuple[bool, str]:
-    return _not_in_force(bench, lambda: 0)
+    return _not_in_force(bench, 0)
 
 
-@case("a set-point with the number of the next lease", "refused")
-def _lease_next(bench: Bench) -> tuple[bool, str]:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease)
-    return _refused(bench, lease, bench.one().send(lease + 1, 2, Point()))
+_misuse("a set-point with the number of the next lease", lambda bench, lease: bench.one().send(lease + 1, 2, Point()))
 
 
 @case("a set-point under a lease that was given back", "refused")
 def _lease_old(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.one().release(lease)
-    return _not_in_force(bench, lambda: lease)
+    return _not_in_force(bench, lease)
 
 
 @case("a set-point under the lease before the present one", "refused")
 def _lease_before(bench: Bench) -> tuple[bool, str]:
     before = bench.take(bench.one())
     bench.one().release(before)
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease)
+    lease = bench.turning()
     return _refused(bench, lease, bench.one().send(before, 2, Point()))
 
 
@@ -493,14 +449,8 @@ def _abort(title: str, before: Callable[[Bench], object]) -> None:
         return passed, f"lease {view.lease}, mode {view.mode}, waits {view.pending}"
 
 
-def _commanded(bench: Bench, **point: object) -> int:
-    lease = bench.take(bench.one())
-    bench.turning(bench.one(), lease, **point)  # type: ignore[arg-type]
-    return lease
-
-
 def _fault(bench: Bench) -> None:
-    lease = _commanded(bench, mode=Mode.ORIENT, turn=0.2, speed=0.0)
+    lease = bench.turning(mode=Mode.ORIENT, turn=0.2, speed=0.0)
     bench.ends(lease)
 
 
@@ -511,23 +461,23 @@ def _one_waits(bench: Bench) -> None:
 
 _abort("nobody has control", lambda _bench: None)
 _abort("a controller has control", lambda bench: bench.take(bench.one()))
-_abort("a controller rotates", _commanded)
-_abort("a controller turns", lambda bench: _commanded(bench, mode=Mode.ORIENT, turn=0.2, speed=0.0))
-_abort("a controller pumps", lambda bench: _commanded(bench, mode=Mode.PUMP, flow=0.01, speed=0.0))
+_abort("a controller rotates", Bench.turning)
+_abort("a controller turns", lambda bench: bench.turning(mode=Mode.ORIENT, turn=0.2, speed=0.0))
+_abort("a controller pumps", lambda bench: bench.turning(mode=Mode.PUMP, flow=0.01, speed=0.0))
 _abort("a dead controller left the string held", _fault)
 _abort("another controller waits", _one_waits)
 
 
 @case("abort without a name", "control is taken back")
 def _abort_nameless(bench: Bench) -> tuple[bool, str]:
-    _commanded(bench)
+    bench.turning()
     done = bench.person.abort("")
     return done and bench.until(lambda: bench.interface.view().lease == 0), f"lease {bench.view().lease}"
 
 
 @case("a set-point after an abort", "refused")
 def _after_abort(bench: Bench) -> tuple[bool, str]:
-    lease = _commanded(bench)
+    lease = bench.turning()
     bench.person.abort()
     taken = bench.one().send(lease, 2, Point())
     view = bench.view()

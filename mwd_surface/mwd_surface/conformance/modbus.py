@@ -14,7 +14,7 @@ from mwd_surface.control.set_point import Mode
 _REQUEST, _COMMAND, _STATE = 110, 120, 38  # addresses of the blocks
 _ASK, _RELEASE = 1, 2  # actions of a request
 _RPM, _DEGREE, _LITRE_PER_MINUTE = math.pi / 30.0, math.pi / 180.0, 1e-3 / 60.0
-_LAG_S = 0.5  # s; longer than the period of 0.1 s at which the registers are updated
+_LAG_S = 0.5  # wait for an update of the registers, s; longer than their period of 0.1 s
 _LARGEST = 3e38  # largest float32 that is sent
 
 
@@ -24,8 +24,6 @@ class ModbusConformance:
 
     Parameters
     ----------
-    host : str
-    port : int
     unit : int
         Modbus address (unit identifier) of the server.
 
@@ -78,7 +76,7 @@ class ModbusConformance:
         return View(words[2] << 16 | words[3], words[7], words[5], speed * _RPM, turn * _DEGREE, int(words[0] == 1))
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return the additional cases of this interface."""
+        """Return the test cases that only this interface has."""
         return [
             ("a part of a block", "exception; the set-point before stays in force", _part),
             ("a single register", "exception; the set-point before stays in force", _single),
@@ -163,9 +161,7 @@ def _in_force(bench: Bench) -> tuple[ModbusPeer, int]:
     peer = bench.one()
     if not isinstance(peer, ModbusPeer):
         raise NotPossibleError("a case of Modbus")
-    lease = bench.take(peer)
-    bench.turning(peer, lease)
-    return peer, lease
+    return peer, bench.turning()
 
 
 def _stays(bench: Bench, lease: int, done: bool) -> tuple[bool, str]:

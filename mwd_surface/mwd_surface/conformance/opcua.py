@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from mwd_surface.conformance.bench import Bench, ControlAnswer, NotPossibleError, Point, View, Wish
 
-_PATIENCE_S = 20.0  # s; longest time for an answer of the server
-_LAG_S = 0.5  # s; longer than the period of 0.1 s at which the variables are updated
+_PATIENCE_S = 20.0  # longest time for an answer of the server, s
+_LAG_S = 0.5  # wait for an update of the variables, s; longer than their period of 0.1 s
 _NAMESPACE = "http://ddhub.no/MWDSurveyManifest/Variables/"
 
 
@@ -30,8 +30,6 @@ class OpcuaConformance:
 
     Parameters
     ----------
-    url : str
-    keys : OpcuaKeys
     well : str
         Name of the object with the methods.
 
@@ -63,7 +61,7 @@ class OpcuaConformance:
         return View(lease, mode, sequence, speed, turn, pending)
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return the additional cases of this interface."""
+        """Return the test cases that only this interface has."""
         return [
             ("a variable of control is written", "refused by the server", self._write),
             ("a method with an argument missing", "refused by the server", self._missing),
@@ -71,8 +69,7 @@ class OpcuaConformance:
         ]
 
     def _write(self, bench: Bench) -> tuple[bool, str]:
-        lease = bench.take(bench.one())
-        bench.turning(bench.one(), lease)
+        bench.turning()
         from asyncua import ua
         from asyncua.ua.uaerrors import UaError
 
@@ -94,8 +91,7 @@ class OpcuaConformance:
         return False, "called"
 
     def _again(self, bench: Bench) -> tuple[bool, str]:
-        lease = bench.take(bench.one())
-        bench.turning(bench.one(), lease)
+        lease = bench.turning()
         self.peer(0).close()
         self.peer(0).open()
         taken = self.peer(0).send(lease, 2, Point(speed=0.9))

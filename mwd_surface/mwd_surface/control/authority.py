@@ -86,7 +86,6 @@ class ControlAuthority:
 
     Parameters
     ----------
-    settings : ControlSettings
     first : int
         Number of the first lease; `upcoming` is the number of the next lease. A rig obeys no lease with a lower number
         than the highest that it has received, so numbers must continue after a restart (`lease_numbers`).
@@ -168,7 +167,8 @@ class ControlAuthority:
             return ControlDecision(Permission.PENDING, pending.number, pending.waits)
         stronger = owner if owner is not None and owner.request.priority >= request.priority else None
         if stronger is not None and not request.wait:
-            text = f"{stronger.name} has control, priority {stronger.request.priority}; ask with wait, or ask later"
+            priority = stronger.request.priority
+            text = f"{stronger.name} has control, priority {priority}; set wait in the request, or ask later"
             return ControlDecision(Permission.DENIED, 0, text)
         if pending is not None and pending.request.priority >= request.priority:
             return ControlDecision(Permission.DENIED, 0, f"a request of {pending.name} is already waiting; ask later")

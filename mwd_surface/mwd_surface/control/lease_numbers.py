@@ -25,10 +25,6 @@ class LeaseNumbers:
     """
     Lease numbers of one well, kept in a file.
 
-    Parameters
-    ----------
-    file : Path
-
     Attributes
     ----------
     end : int

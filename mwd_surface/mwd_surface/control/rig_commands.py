@@ -26,8 +26,10 @@ class _DriveChannel:
     """
     State of the top drive or of the pumps.
 
-    point: set-point in force; None: the driller has control. lapses: end of its validity, steady time, s. set: counter
-    of set-points. key, number, sent_at: content of the last command sent to the rig, its number, and its time, s.
+    point: set-point in force; None: the driller has control.
+    lapses: end of its validity, steady time, s.
+    set: counter of set-points.
+    key, number, sent_at: content of the last command sent to the rig, its number, and its time, s.
     """
 
     point: SetPoint | None = None

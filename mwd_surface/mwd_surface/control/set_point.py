@@ -6,7 +6,9 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
+from typing import ClassVar
 
+from mwd_sensors.core.message_record import MessageRecord
 from mwd_surface.control.settings import ControlSettings
 
 _RPM = math.pi / 30.0
@@ -92,10 +94,10 @@ class LeaseLimits:
         return [f"{name}_limit" for name in names if getattr(self, name) > getattr(granted, name)]
 
 
-@dataclasses.dataclass(frozen=True)
-class SetPoint:
+@dataclasses.dataclass(frozen=True, eq=False)
+class SetPoint(MessageRecord):
     """
-    Set-point of the top drive or, with mode PUMP, of the pumps; as mwd_msgs/RigCommand.
+    Set-point of the top drive or, with mode PUMP, of the pumps; with the fields of mwd_msgs/RigCommand.
 
     Attributes
     ----------
@@ -113,6 +115,8 @@ class SetPoint:
     stamp_ns : int
         Stamp of the toolface that led to the set-point, ns since the epoch, or 0.
     """
+
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/RigCommand"
 
     mode: int
     lease: int

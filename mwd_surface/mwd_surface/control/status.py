@@ -70,10 +70,13 @@ class ControlRequest:
     """
     Request for control; as mwd_msgs/RequestControl.
 
-    sender: sender, who becomes the owner of the lease. controller: name of the controller. role: purpose in a word or
-    two. priority: 0 to 255; a priority higher than the owner's takes control from the owner. wait: whether the request
-    waits until the owner gives control back. duration: length of the lease, s; 0: the longest allowed. limits:
-    requested limits; 0 means the limit set at the rig, for left-hand limits no left-hand motion.
+    sender: sender, who becomes the owner of the lease.
+    controller: name of the controller.
+    role: purpose in a word or two.
+    priority: 0 to 255; a priority higher than the owner's takes control from the owner.
+    wait: whether the request waits until the owner gives control back.
+    duration: length of the lease, s; 0: the longest allowed.
+    limits: requested limits; 0 means the limit set at the rig, for left-hand limits no left-hand motion.
     """
 
     sender: Sender

@@ -30,12 +30,10 @@ class InterlockReadings(NamedTuple):
         Age of the rig's data, s.
     flow, rotary_speed, pressure : float or None
         Flow, m^3/s; speed of the top drive, rad/s; standpipe pressure, Pa.
-    in_slips : bool or None
     link_locked : bool
         Whether words arrive over the link.
     link_age_s : float
         Age of the state of the link, s.
-    survey_running : bool
     no_control : str
         Reason why the rig does not accept set-points; empty if it accepts them.
     """
@@ -68,8 +66,8 @@ class StallWatch:
     """
     Detector of a stall of the mud motor: a rise of the pressure above its usual value at the same flow.
 
-    share : smallest rise that counts as a stall, as a share of the usual value. stalled : whether the last reading
-    shows a stall.
+    share : smallest rise that counts as a stall, as a share of the usual value.
+    stalled : whether the last reading shows a stall.
     """
 
     def __init__(self, share: float) -> None:

@@ -24,7 +24,7 @@ from mwd_surface.downlink.tool_echo import ToolEcho
 PERMISSION_S = 120.0  # time after which an unused permission lapses, s
 # Delay of an answer due to receiver and depth, in addition to the time to send two sequences, s.
 _LATE_S = 120.0
-_STEADY = 0.04  # largest change of the drilling value before the first symbol, as a share of the value
+_STEADY = 0.04  # largest change of flow or rotary speed before the first symbol, as a share of the value
 # Lower limits, m^3/s and rad/s, of the value from which the allowed deviation of the quantity that the command does not
 # change (flow or speed) is computed. A share of a value near 0 would not allow for noise.
 _LEAST_FLOW, _LEAST_SPEED = 0.01, 3.0
@@ -104,7 +104,6 @@ class Machine:
     ----------
     tool : ToolConfiguration
         Tool configuration as delivered.
-    settings : DownlinkSettings
     in_force : ToolSettings
         Settings with which the tool runs now.
     counter : int
@@ -335,7 +334,7 @@ class Machine:
                 self._go(DownlinkState.GRANTED, self.blocked_by[0], "", now)
             return
         if self.state == DownlinkState.GRANTED:
-            self._go(DownlinkState.ARMED, "all interlocks hold: waiting for a steady drilling value", "", now)
+            self._go(DownlinkState.ARMED, "all interlocks hold: waiting for a steady flow or rotary speed", "", now)
         self._steady.append((now, value))
         values = [one for _, one in self._steady]
         if max(values) - min(values) > _STEADY * max(values):
@@ -432,7 +431,7 @@ class DeviationWatch:
     Parameters
     ----------
     base : float
-        Drilling value of the quantity that the downlink changes.
+        Rotary speed or flow during drilling, from which the downlink starts.
     other : float or None
         Initial value of the quantity that the downlink does not change; None: unknown, this quantity is not compared.
     margins : (float, float)

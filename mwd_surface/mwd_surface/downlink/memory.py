@@ -42,12 +42,12 @@ class Kept(NamedTuple):
 
     @classmethod
     def of(cls, machine: Machine) -> Kept:
-        """Return those data of a machine that must be stored."""
+        """Return the data of a downlink state machine that must survive a restart."""
         return cls(machine.in_force, machine.counter, machine.number, machine.echo.heard, machine.echo.sent)
 
     def machine(self, tool: ToolConfiguration, settings: DownlinkSettings) -> Machine:
         """
-        Return a machine that continues from the stored data.
+        Return a downlink state machine that continues from the stored data.
 
         Raises
         ------
@@ -58,13 +58,7 @@ class Kept(NamedTuple):
 
 
 class Memory:
-    """
-    Downlink file of one well.
-
-    Parameters
-    ----------
-    file : Path
-    """
+    """Downlink file of one well."""
 
     def __init__(self, file: Path) -> None:
         self._file = file

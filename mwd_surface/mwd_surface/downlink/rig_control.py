@@ -14,13 +14,7 @@ _VALID_S = 5.0  # if the surface stops, the rig returns to the driller's setting
 
 
 class RigControl:
-    """
-    Controller of the rig for the downlink.
-
-    Parameters
-    ----------
-    authority : ControlAuthority
-    """
+    """Controller of the rig for the downlink."""
 
     def __init__(self, authority: ControlAuthority) -> None:
         self._authority = authority

@@ -16,31 +16,19 @@ class DownlinkSettings:
         "",
         "Tool configuration (tool.yaml) whose section `downlink` says how the tool accepts commands. Tool and "
         "receiver need the same file. Empty: no downlink.",
-        fixed=True,
     )
     speed_low_rpm: float = setting(
-        30.0,
-        "Lowest rotary speed that may be commanded. Many strings stick below it.",
-        unit="r/min",
-        low=0.0,
-        high=600.0,
+        30.0, "Lowest rotary speed that may be commanded. Many strings stick below it.", low=0.0, high=600.0
     )
-    speed_high_rpm: float = setting(
-        180.0, "Highest rotary speed at which a command may run.", unit="r/min", low=1.0, high=600.0
-    )
+    speed_high_rpm: float = setting(180.0, "Highest rotary speed at which a command may run.", low=1.0, high=600.0)
     flow_low_lpm: float = setting(
         800.0,
         "Lowest flow that may be commanded. Keep it above the tool's flow threshold and the flow that cleans the hole.",
-        unit="l/min",
         low=0.0,
         high=20000.0,
     )
-    flow_high_lpm: float = setting(
-        6000.0, "Highest flow at which a command may run.", unit="l/min", low=1.0, high=20000.0
-    )
-    pressure_high_bar: float = setting(
-        320.0, "Standpipe pressure above which no command runs.", unit="bar", low=1.0, high=2000.0
-    )
+    flow_high_lpm: float = setting(6000.0, "Highest flow at which a command may run.", low=1.0, high=20000.0)
+    pressure_high_bar: float = setting(320.0, "Standpipe pressure above which no command runs.", low=1.0, high=2000.0)
     stall_share: float = setting(
         0.25,
         "Rise of the pressure above its usual value at the same flow, as a share, that counts as a motor stall. "
@@ -51,8 +39,8 @@ class DownlinkSettings:
     )
     tolerance: float = setting(
         0.08,
-        "Deviation of flow or rotation from the set-point, as a share of the drilling value, that counts as "
-        "operator input after 2 s. Raise it where the rig's gauges are inaccurate.",
+        "Deviation of flow or rotation from the set-point, as a share of the value before the command, that counts "
+        "as operator input after 2 s. Raise it where the rig's gauges are inaccurate.",
         low=0.01,
         high=0.5,
         expert=True,

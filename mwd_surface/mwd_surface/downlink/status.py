@@ -28,7 +28,8 @@ class DownlinkStatus(MessageRecord):
     Attributes
     ----------
     base, set_point : float
-        Drilling value before the downlink, and commanded value, rad/s or m^3/s; NaN if nothing is commanded to the rig.
+        Flow or rotary speed before the downlink, and commanded value, m^3/s or rad/s; NaN if nothing is commanded to
+        the rig.
     choices : tuple of (str, tuple of float)
         Commands that the tool accepts, each with its possible values.
     """

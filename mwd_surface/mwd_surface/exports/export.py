@@ -129,7 +129,6 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
 
     Parameters
     ----------
-    table : SurveyTable
     kind : str
         One of `FORMATS`.
     folder : path

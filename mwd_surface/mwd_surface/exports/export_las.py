@@ -56,7 +56,7 @@ def las(table: SurveyTable) -> str:
         file.params.append(item(f"X{k:02d}", value=as_value(why), descr="LEFT OUT"))
     assumptions = sentences(table.path.assumptions)
     for k, remark in enumerate(table.remarks, start=1):
-        # Only a remark that sets the curve ASMD to 1 has the description ASSUMED.
+        # A remark about assumed stations, which have 1 in the curve ASMD, gets the description ASSUMED.
         descr = "ASSUMED" if remark in assumptions else "REMARK"
         file.params.append(item(f"A{k:02d}", value=as_value(remark), descr=descr))
     file.other = "\n".join(provenance_of(table.surveys, table.path.leg).lines())

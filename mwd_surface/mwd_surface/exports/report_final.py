@@ -77,9 +77,9 @@ def final_sections(
         drawings=(
             Drawing("Differences along the hole", along),
             Drawing(
-                "Last depth of both lists in plan view, ellipses at 2 sigma"
+                "Plan view at the last station of the final list, ellipses at 2 sigma"
                 if has_ellipses
-                else "Last depth of both lists in plan view, without position uncertainty",
+                else "Plan view at the last station of the final list, without position uncertainty",
                 at_the_end,
             ),
         ),

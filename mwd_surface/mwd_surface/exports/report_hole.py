@@ -56,7 +56,7 @@ def deviation(table: SurveyTable) -> Section | None:
     ]
     marks = [PROJECTED if is_ahead(row) or row.kind == PROJECTED else "" for row in rows]
     legend = (
-        "Across the design, looking along it: negative numbers lie to the left or below. Shaded lines were not "
+        "Across the design, looking along the hole: negative is left of or below the design. Shaded lines were not "
         "surveyed; ahead of the bit the hole is continued straight."
     )
     sheet = sheet_of("Rod table and deviation from the design", columns, cells, marks, legend=legend)

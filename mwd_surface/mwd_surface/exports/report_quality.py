@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Iterable, Sequence
 
 from mwd_estimation.core.north import North
@@ -153,6 +154,10 @@ def _run(leg: str, tool: str, records: Sequence[SurveyRecord]) -> tuple[str, ...
     inclination = sum(s.verdict_inclination == Verdict.ACCEPT for s in surveys)
     deviations = [[t.deviation for t in totals(s)] for s in used]
     axial = [s.axial_interference for s in used if math.isfinite(s.axial_interference)]
+    sigmas = [
+        [sigma for sigma in several if math.isfinite(sigma)]
+        for several in ([s.sigma_inclination for s in used], [s.sigma_azimuth for s in used])
+    ]
     likeliest = [s.disturbances[0][0] for s in surveys if s.disturbances]
     causes = [cause for cause in likeliest if cause != HYPOTHESES["clean"]]
     return (
@@ -169,10 +174,9 @@ def _run(leg: str, tool: str, records: Sequence[SurveyRecord]) -> tuple[str, ...
             _scaled(_rms(d[k] for d in deviations), factor, decimals)
             for k, (_, _, factor, decimals) in enumerate(TOTALS)
         ),
-        _scaled(sum(axial) / len(axial) if axial else None, 1e9, 0),
-        _scaled(_spread(axial), 1e9, 0),
-        _scaled(_median(s.sigma_inclination for s in used if math.isfinite(s.sigma_inclination)), _DEG, 2),
-        _scaled(_median(s.sigma_azimuth for s in used if math.isfinite(s.sigma_azimuth)), _DEG, 2),
+        _scaled(statistics.fmean(axial) if axial else None, 1e9, 0),
+        _scaled(statistics.stdev(axial) if len(axial) > 1 else None, 1e9, 0),
+        *(_scaled(statistics.median(known) if known else None, _DEG, 2) for known in sigmas),
         ", ".join(f"{cause} ({causes.count(cause)})" for cause in dict.fromkeys(causes)),
     )
 
@@ -241,15 +245,3 @@ def _limit(total: Total, factor: float, decimals: int) -> str:
 def _rms(values: Iterable[float | None]) -> float | None:
     known = [v for v in values if v is not None]
     return math.sqrt(sum(v * v for v in known) / len(known)) if known else None
-
-
-def _spread(values: Sequence[float]) -> float | None:
-    if len(values) < 2:
-        return None
-    mean = sum(values) / len(values)
-    return math.sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1))
-
-
-def _median(values: Iterable[float]) -> float | None:
-    known = sorted(values)
-    return 0.5 * (known[(len(known) - 1) // 2] + known[len(known) // 2]) if known else None

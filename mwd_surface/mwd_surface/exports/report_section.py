@@ -26,9 +26,10 @@ class Sheet:
     """
     One table: heading, column titles and units, and rows of texts.
 
-    marks: for each row, "" or the reason why the row is highlighted ("projected", "not used", "by hand"). words:
-    indices of the columns that contain text and are aligned left. tints: tint of single cells, by row and column; a key
-    of `TINTS`. legend: meaning of tints and marks, printed below the table.
+    marks: for each row, "" or the reason why the row is highlighted ("projected", "not used", "by hand").
+    words: indices of the columns that contain text and are aligned left.
+    tints: tint of single cells, by row and column; a key of `TINTS`.
+    legend: meaning of tints and marks, printed below the table.
     """
 
     heading: str

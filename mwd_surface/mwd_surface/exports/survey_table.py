@@ -76,12 +76,17 @@ class SurveyTable:
     """
     All data that an export prints.
 
-    surveys, path: source of the table. records: survey record of each station, None for tie-ons and the projection.
-    header: labels and values of the head block. covariance: of the stations' positions, shape (n, 3, 3), m^2, or None.
-    covariance_note: the error model, or why there is no covariance. columns: numbers of the stations, in the units of
-    `display`. left_out: sentences about stations and surveys that could not be printed. made_ns: time when the table
-    was requested, ns since the epoch. stretches: the slide sheet. sections: further sections of the report, with data
-    that are not part of the list. final: whether this is the final list of a well.
+    surveys, path: source of the table.
+    records: survey record of each station, None for tie-ons and the projection.
+    header: labels and values of the head block.
+    covariance: of the stations' positions, shape (n, 3, 3), m^2, or None.
+    covariance_note: the error model, or why there is no covariance.
+    columns: numbers of the stations, in the units of `display`.
+    left_out: sentences about stations and surveys that could not be printed.
+    made_ns: time when the table was requested, ns since the epoch.
+    stretches: the slide sheet.
+    sections: further sections of the report, with data that are not part of the list.
+    final: whether this is the final list of a well.
     """
 
     surveys: SurveyList
@@ -149,7 +154,6 @@ def survey_table(
 
     Parameters
     ----------
-    surveys : SurveyList
     made_ns : int
         Time of the report, ns since the epoch.
     leg : str, optional

@@ -107,7 +107,6 @@ def rows(
 
     Parameters
     ----------
-    bag : Bag
     written : Written
         Counts that are filled during the iteration.
     well : str

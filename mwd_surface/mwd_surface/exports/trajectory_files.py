@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import io
-import math
 
 import numpy as np
 
 from mwd_surface.exports.export_las import as_value
 from mwd_surface.list_files.remark import sentences
+from mwd_surface.signals.cells import table
 from mwd_surface.surveys.imported_list import provenance_of
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.trajectory.dense_trajectory import ARC, CONTINUOUS, SLIDES, STATION, DenseTrajectory
@@ -37,13 +37,12 @@ def trajectory_csv(found: DenseTrajectory, path: Definitive) -> str:
 
     path: path of the stations; the column `coordinates` is "assumed" if the path is based on an assumption.
     """
-    north, assumed = path.north.name.lower(), "assumed" if path.assumed else ""
-    names = ",".join([*(name for name, *_ in _COLUMNS), "azimuth_reference", "source", "coordinates"])
-    lines = [names]
+    same = {"azimuth_reference": path.north.name.lower(), "coordinates": "assumed" if path.assumed else ""}
+    lines = []
     for row, source in zip(_values(found), found.source, strict=True):
-        cells = [f"{value:.{column[3]}f}" for value, column in zip(row, _COLUMNS, strict=True)]
-        lines.append(",".join([*cells, north, source, assumed]))
-    return "\n".join(lines) + "\n"
+        cells = {name: f"{value:.{decimals}f}" for value, (name, *_, decimals) in zip(row, _COLUMNS, strict=True)}
+        lines.append(cells | same | {"source": source})
+    return table((*(name for name, *_ in _COLUMNS), "azimuth_reference", "source", "coordinates"), lines)
 
 
 def trajectory_las(found: DenseTrajectory, surveys: SurveyList) -> str:
@@ -99,8 +98,11 @@ def largest_difference(found: DenseTrajectory) -> tuple[float, float, float]:
 
 def summary(found: DenseTrajectory) -> str:
     """Return a sentence on the sources of the trajectory, and on its differences from minimum curvature."""
+    between = [source for source in found.source if source != STATION]
     shares = [
-        f"{100.0 * _share(found, kind):.0f} % {kind}" for kind in (CONTINUOUS, SLIDES, ARC) if kind in found.source
+        f"{100.0 * between.count(kind) / len(between):.0f} % {kind}"
+        for kind in (CONTINUOUS, SLIDES, ARC)
+        if kind in between
     ]
     if not shares:
         return "no interval between stations"
@@ -109,8 +111,3 @@ def summary(found: DenseTrajectory) -> str:
         f"{', '.join(shares)}; vertical depth minus minimum curvature: {last:+.2f} m at {found.md[-1]:.1f} m,"
         f" at most {worst:+.2f} m at {at:.1f} m"
     )
-
-
-def _share(found: DenseTrajectory, kind: str) -> float:
-    between = [source for source in found.source if source != STATION]
-    return math.fsum(source == kind for source in between) / len(between)

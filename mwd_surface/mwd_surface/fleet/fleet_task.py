@@ -36,9 +36,12 @@ class FleetWork:
     """
     Recording to process, with the settings for it.
 
-    bag: path of the recording. folder: folder of the data set. config: settings of the estimator as YAML, so that all
-    workers use the same settings. given: settings for reading the recording. changes: changes to the settings that the
-    recording contains, as YAML; if it is empty, `config` is used for every recording.
+    bag: path of the recording.
+    folder: folder of the data set.
+    config: settings of the estimator as YAML, so that all workers use the same settings.
+    given: settings for reading the recording.
+    changes: changes to the settings that the recording contains, as YAML; if it is empty, `config` is used for every
+    recording.
     """
 
     bag: str

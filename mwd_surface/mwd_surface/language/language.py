@@ -56,8 +56,8 @@ TYPED = frozenset(
         "logo",
     )
 )
-# Least number of letters in the fixed parts of a template if the translation of a value is unknown: for a template that
-# begins with a fixed part, and for a template that begins with a value.
+# Smallest number of letters in the fixed parts of a template if the translation of a value is unknown: for a template
+# that begins with a fixed part, and for a template that begins with a value.
 _LEAST, _LEAST_BEHIND = 4, 6
 _DEPTH = 6  # largest depth of sentences within sentences
 _JOINED = 3  # largest number of parts between "; " that are read as one sentence

@@ -175,6 +175,19 @@ def html_sheets(text: str, name: str) -> Sheets:
     return sheets
 
 
+def xml_root(text: str, name: str) -> Any:
+    """Return the root element of an XML document; raise ListFileError if it is not well-formed."""
+    from lxml import etree
+
+    # The file comes from outside: do not resolve entities and do not use the network.
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
+    try:
+        # The text is already decoded, so the encoding in its declaration no longer holds.
+        return etree.fromstring(re.sub(r"^\s*<\?xml[^>]*\?>", "", text.lstrip("\ufeff")).encode(), parser)
+    except (etree.XMLSyntaxError, ValueError) as error:
+        raise ListFileError(f"{name}: not well-formed XML: {error}") from error
+
+
 def xml_sheets(text: str, name: str) -> Sheets:
     """
     Return name and rows of each sheet of an Excel 2003 XML workbook; numbers stay numbers.
@@ -184,13 +197,7 @@ def xml_sheets(text: str, name: str) -> Sheets:
     ListFileError
         The document is not well-formed XML, or has more cells than the budget.
     """
-    from lxml import etree
-
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
-    try:
-        root = etree.fromstring(re.sub(r"^\s*<\?xml[^>]*\?>", "", text.lstrip("\ufeff")).encode(), parser)
-    except (etree.XMLSyntaxError, ValueError) as error:
-        raise ListFileError(f"{name}: not well-formed XML: {error}") from error
+    root = xml_root(text, name)
     ss = f"{{{_SPREADSHEETML}}}"
     sheets: Sheets = []
     budget = _Cells(name)

@@ -84,7 +84,7 @@ def _code(value: object) -> str:
 
 
 def _described(name: str, words: str) -> str:
-    """Return the description of an azimuth curve that names a north, as a line of the head; "" for other curves."""
+    """Return the description of an azimuth curve if the description names a north; otherwise ""."""
     return words if column_of(0, name).quantity == "azimuth" and north_of(words) else ""
 
 

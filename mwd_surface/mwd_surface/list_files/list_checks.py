@@ -23,9 +23,9 @@ from mwd_surface.list_files.station_list import POSITION
 # Largest measured depth of a survey, m; a list with a greater depth must be confirmed. The longest hole so far has
 # 15.2 km.
 DEEPEST = 20_000.0
-_ARC = 60.0  # m; if two stations are farther apart, the list lacks stations between them
-_IMPOSSIBLE = 100_000.0  # m; the caller cannot confirm a greater depth
-_FARTHEST = 4.1e7  # m; no coordinate of a map is larger than the circumference of the Earth
+_ARC = 60.0  # largest distance between two stations of a complete list, m
+_IMPOSSIBLE = 100_000.0  # largest depth that the caller can confirm, m
+_FARTHEST = 4.1e7  # largest coordinate of a map, m: the circumference of the Earth
 # Largest dogleg of a usual hole, rad/m. After short radius drilling, the caller confirms a larger dogleg.
 _DOGLEG = math.radians(30.0) / 30.0
 # A misfit of north and east above _NOTICED, m, is due to mixed units if a change of the unit reduces the misfit to less
@@ -160,10 +160,8 @@ def _check_units(name: str, columns: tuple[Array, Array, Array], positions: Arra
     """
     Refuse mixed length units in a nearly vertical hole, whose horizontal misfit is smaller than `allowed`.
 
-    Raises
-    ------
-    ListFileError
-        North and east fit far better if the depths are converted from feet to metres, or from metres to feet.
+    Raises ListFileError if north and east fit far better if the depths are converted from feet to metres, or from
+    metres to feet.
     """
     apart = _sideways(difference)
     if not apart > _NOTICED:

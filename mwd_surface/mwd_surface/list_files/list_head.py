@@ -90,10 +90,13 @@ class Head:
     """
     Facts that the head of a list states.
 
-    north: one of NORTHS, or "". strange_north, strange_unit: words that were not understood. length_unit, angle_unit:
-    as in LENGTH_UNITS and ANGLE_UNITS, or "". map_unit: unit of map coordinates and offsets. hinted_unit: unit of the
-    elevation of the depth datum, such as the kelly bushing; depths usually have the same unit. horizontal: whether
-    angles are measured from the horizontal. dip: direction of positive angles from the horizontal, "up", "down" or "".
+    north: one of NORTHS, or "".
+    strange_north, strange_unit: words that were not understood.
+    length_unit, angle_unit: as in LENGTH_UNITS and ANGLE_UNITS, or "".
+    map_unit: unit of map coordinates and offsets.
+    hinted_unit: unit of the elevation of the depth datum, such as the kelly bushing; depths usually have the same unit.
+    horizontal: whether angles are measured from the horizontal.
+    dip: direction of positive angles from the horizontal, "up", "down" or "".
     wellhead: northing and easting, m, or None.
     """
 

@@ -32,7 +32,9 @@ class Start:
     """
     Point at which the path of a list starts.
 
-    md, inclination, azimuth: m and rad. position: north, east, down, m. source: one of the words of `leg.Origin`.
+    md, inclination, azimuth: m and rad.
+    position: north, east, down, m.
+    source: one of the words of `leg.Origin`.
     remarks: assumptions.
     """
 

@@ -57,10 +57,13 @@ class Table:
     """
     Rows under named columns.
 
-    name: name of the file. at: place of the column names. names, units: name and unit of each column; the unit is ""
-    unless the file states it apart from the name. rows: the rows below the names. head: lines above the names, and
-    comments. remarks: remarks on rows and sheets that were left out. separator: text between the cells of a text file,
-    " " or "  " for spaces; "" for other files.
+    name: name of the file.
+    at: place of the column names.
+    names, units: name and unit of each column; the unit is "" unless the file states it apart from the name.
+    rows: the rows below the names.
+    head: lines above the names, and comments.
+    remarks: remarks on rows and sheets that were left out.
+    separator: text between the cells of a text file, " " or "  " for spaces; "" for other files.
     """
 
     name: str

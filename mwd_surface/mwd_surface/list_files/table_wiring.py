@@ -34,7 +34,7 @@ _GRAVITY_SHARE, _FIELD_SHARE = 0.03, 0.12
 # degrees. The other wiring must fit within _DIRECTION_FITS, and better by the factor _BETTER.
 _DIP_FITS, _DIRECTION_OFF, _DIRECTION_FITS, _BETTER = math.radians(1.5), math.radians(6.0), math.radians(4.0), 3.0
 # A wiring is wrong if at most the share _FEW of the dips fits, and another wiring fits at least the share _MOST.
-# _LEAST_ROWS is the least number of rows for a decision: one row fits one of 48 wirings by chance in a third of the
+# _LEAST_ROWS is the smallest number of rows for a decision: one row fits one of 48 wirings by chance in a third of the
 # cases, three rows in one of 10 000.
 _FEW, _MOST, _LEAST_ROWS = 0.2, 0.8, 3
 # Attitudes that differ by more than this, rad, show the wiring independently.

@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
-from mwd_surface.list_files.grid_file import Row
+from mwd_surface.list_files.grid_file import Row, xml_root
 from mwd_surface.list_files.list_columns import (
     ANGLE_UNITS,
     ANGLES,
@@ -34,15 +33,7 @@ def witsml_table(text: str, name: str) -> Table:
     ListFileError
         The document is not XML, has no trajectory, a station without md or incl, or an unknown unit.
     """
-    from lxml import etree
-
-    # The file comes from outside: do not resolve entities and do not use the network.
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
-    try:
-        # The text is already decoded, so the encoding in its declaration no longer holds.
-        root = etree.fromstring(re.sub(r"^\s*<\?xml[^>]*\?>", "", text.lstrip("\ufeff")).encode(), parser)
-    except (etree.XMLSyntaxError, ValueError) as error:
-        raise ListFileError(f"{name}: not well-formed XML: {error}") from error
+    root = xml_root(text, name)
     trajectories = [one for one in root.iter() if _tag(one) == "trajectory" and _children(one, "trajectorystation")]
     if not trajectories:
         empty = any(_tag(one) == "trajectory" for one in root.iter())

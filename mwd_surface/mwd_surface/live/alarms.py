@@ -4,8 +4,6 @@ Alarms and the log of events.
 
 A critical alarm stays until its cause has ended and a person has acknowledged it. An alarm of lower priority ends with
 its cause; the log keeps it (states of ISA-18.2).
-
-No clock is read here: every call takes the time for messages and logs, ns since the epoch.
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from mwd_sensors.core.foreign_text import printable
@@ -73,21 +71,38 @@ class Event(MessageRecord):
         return Severity(self.severity).name.lower()
 
 
-class AlarmBook:
+def _untold(_text: str, _severity: Severity) -> None:
+    """Ignore an event or alarm; the default of `AlarmLog`."""
+
+
+class AlarmLog:
     """
-    Alarms by id, and events newest first.
+    Alarms of one well by id, and events newest first.
 
     Parameters
     ----------
+    now_ns : callable
+        Returns the time with which alarms and events are stamped, ns since the epoch.
+    tell : callable, optional
+        `tell(text, severity)`, called with each event of `log_event` and with each alarm of `raise_alarm`. Alarms of
+        `set_alarms` are not passed on.
     max_alarms, max_events : int
         Largest number of alarms and of events. A further event replaces the oldest event. A further alarm replaces the
         oldest alarm that is no longer active; if all are active, the new alarm is refused and an event is logged.
     """
 
-    def __init__(self, max_alarms: int = 200, max_events: int = 1000) -> None:
+    def __init__(
+        self,
+        now_ns: Callable[[], int],
+        tell: Callable[[str, Severity], None] = _untold,
+        max_alarms: int = 200,
+        max_events: int = 1000,
+    ) -> None:
+        self.now_ns, self._tell = now_ns, tell
         self._alarms: dict[str, Alarm] = {}
         self._events: deque[Event] = deque(maxlen=max_events)
         self._max_alarms = max_alarms
+        #: Changes whenever alarms or events change.
         self.version = 0
         #: Number of events logged so far.
         self.logged = 0
@@ -100,63 +115,39 @@ class AlarmBook:
         """Return the events of the log, newest first."""
         return tuple(reversed(self._events))
 
-    def raise_alarm(
-        self, alarm_id: str, severity: Severity | int, text: str, remedy: str, stamp_ns: int
-    ) -> tuple[Alarm, bool]:
+    def events_after(self, logged: int) -> tuple[Event, ...]:
+        """Return the events after the first `logged` events, oldest first; events no longer stored are left out."""
+        return tuple(self._events)[-(self.logged - logged) :] if self.logged > logged else ()
+
+    def log_event(self, source: str, text: str, severity: Severity = Severity.INFO) -> None:
+        """Log an event that is not an alarm, such as a new survey, the start of a recording or a person's decision."""
+        self._log("note", source, text, severity)
+        self._tell(printable(f"{source}: {text}"), severity)
+
+    def raise_alarm(self, alarm_id: str, severity: Severity, text: str, remedy: str = "") -> None:
         """
         Raise an alarm because its cause is present, or update the alarm if it is raised already.
 
-        Returns the alarm, and whether it is new, has come back or has become more severe. An alarm that comes back or
-        becomes more severe must be acknowledged again; the count of an alarm that comes back rises by one. A new alarm
-        for which there is no room is returned with False, and is not kept.
-
-        Raises
-        ------
-        ValueError
-            The id is empty or the severity unknown.
+        An alarm that comes back or becomes more severe must be acknowledged again; the count of an alarm that comes
+        back rises by one.
         """
-        if not alarm_id:
-            raise ValueError("alarm_id: must not be empty")
-        # Escape hidden characters: texts from files and peers are shown on terminals, which obey control characters.
-        text, remedy = printable(text), printable(remedy)
-        severity = int(Severity(severity))
-        old = self._alarms.get(alarm_id)
-        if old is None:
-            alarm = Alarm(alarm_id, severity, text, remedy, stamp_ns, stamp_ns)
-            if not self._make_room(alarm):
-                return alarm, False
-            return self._store(alarm, "raised", text, stamp_ns), True
-        if not old.active:
-            again = Alarm(alarm_id, severity, text, remedy, stamp_ns, stamp_ns, count=old.count + 1)
-            return self._store(again, "raised", text, stamp_ns), True
-        worse = severity > old.severity
-        alarm = dataclasses.replace(
-            old,
-            severity=severity,
-            text=text,
-            remedy=remedy,
-            last_ns=stamp_ns,
-            acknowledged=old.acknowledged and not worse,
-            acknowledged_by="" if worse else old.acknowledged_by,
-        )
-        if worse:
-            return self._store(alarm, "worse", text, stamp_ns), True
-        if (alarm.severity, alarm.text, alarm.remedy) != (old.severity, old.text, old.remedy):
-            self.version += 1
-        self._alarms[alarm_id] = alarm
-        return alarm, False
+        self._raise(alarm_id, severity, text, remedy)
+        self._tell(printable(f"{text}; {remedy}" if remedy else text), severity)
 
-    def clear(self, alarm_id: str, stamp_ns: int) -> bool:
-        """Clear an alarm; return whether it was active. An unacknowledged critical alarm stays, but is not active."""
+    def clear_alarm(self, alarm_id: str) -> None:
+        """
+        Clear an alarm whose cause has ended; no effect if the alarm is not active.
+
+        An unacknowledged critical alarm stays, but is not active.
+        """
         old = self._alarms.get(alarm_id)
         if old is None or not old.active:
-            return False
-        self._store(dataclasses.replace(old, active=False, last_ns=stamp_ns), "cleared", old.text, stamp_ns)
+            return
+        self._store(dataclasses.replace(old, active=False, last_ns=self.now_ns()), "cleared", old.text)
         if old.acknowledged or old.severity < Severity.CRITICAL:
             del self._alarms[alarm_id]
-        return True
 
-    def sync(self, prefix: str, causes: Mapping[str, tuple[int, str, str]], stamp_ns: int) -> None:
+    def set_alarms(self, prefix: str, causes: Mapping[str, tuple[int, str, str]]) -> None:
         """
         Raise the alarms in `causes`, and clear all other alarms whose id starts with the prefix.
 
@@ -170,11 +161,11 @@ class AlarmBook:
         for alarm_id, (severity, text, remedy) in causes.items():
             if not alarm_id.startswith(prefix):
                 raise ValueError(f"causes: {alarm_id!r} does not start with {prefix!r}")
-            self.raise_alarm(alarm_id, severity, text, remedy, stamp_ns)
+            self._raise(alarm_id, severity, text, remedy)
         for alarm_id in [k for k in self._alarms if k.startswith(prefix) and k not in causes]:
-            self.clear(alarm_id, stamp_ns)
+            self.clear_alarm(alarm_id)
 
-    def acknowledge(self, alarm_id: str, operator_name: str, stamp_ns: int) -> tuple[bool, str]:
+    def acknowledge(self, alarm_id: str, operator_name: str) -> tuple[bool, str]:
         """
         Acknowledge an alarm for a person, or all alarms if the id is empty; return success and a sentence.
 
@@ -190,38 +181,46 @@ class AlarmBook:
             return True, "there is nothing to acknowledge"
         for key in wanted:
             seen = dataclasses.replace(self._alarms[key], acknowledged=True, acknowledged_by=operator_name)
-            self._store(seen, "acknowledged", f"{seen.text} (acknowledged by {operator_name})", stamp_ns)
+            self._store(seen, "acknowledged", f"{seen.text} (acknowledged by {operator_name})")
             if not seen.active:
                 del self._alarms[key]
         return True, f"{operator_name} acknowledged {', '.join(wanted)}"
 
-    def note(self, source: str, text: str, stamp_ns: int, severity: Severity | int = Severity.INFO) -> Event:
-        """Log an event that is not an alarm, such as a new survey, the start of a recording or a person's decision."""
-        event = Event(stamp_ns, "note", source, text, int(Severity(severity)))
-        self._log(event)
-        self.version += 1
-        return event
+    def _raise(self, alarm_id: str, severity: int, text: str, remedy: str) -> None:
+        # Escape hidden characters: texts from files and peers are shown on terminals, which obey control characters.
+        text, remedy, now_ns = printable(text), printable(remedy), self.now_ns()
+        old = self._alarms.get(alarm_id)
+        if old is None or not old.active:
+            count = old.count + 1 if old else 1
+            alarm = Alarm(alarm_id, int(severity), text, remedy, now_ns, now_ns, count=count)
+            if old or self._has_room(alarm):
+                self._store(alarm, "raised", text)
+            return
+        alarm = dataclasses.replace(old, severity=int(severity), text=text, remedy=remedy, last_ns=now_ns)
+        if alarm.severity > old.severity:
+            self._store(dataclasses.replace(alarm, acknowledged=False, acknowledged_by=""), "worse", text)
+            return
+        if (alarm.severity, alarm.text, alarm.remedy) != (old.severity, old.text, old.remedy):
+            self.version += 1
+        self._alarms[alarm_id] = alarm
 
-    def _store(self, alarm: Alarm, kind: str, text: str, stamp_ns: int) -> Alarm:
+    def _store(self, alarm: Alarm, kind: str, text: str) -> None:
         self._alarms[alarm.id] = alarm
-        self._log(Event(stamp_ns, kind, alarm.id, text, alarm.severity))
-        self.version += 1
-        return alarm
+        self._log(kind, alarm.id, text, alarm.severity)
 
-    def events_after(self, logged: int) -> tuple[Event, ...]:
-        """Return the events after the first `logged` events, oldest first; events no longer stored are left out."""
-        return tuple(self._events)[-(self.logged - logged) :] if self.logged > logged else ()
-
-    def _log(self, event: Event) -> None:
-        self._events.append(dataclasses.replace(event, text=printable(event.text), source=printable(event.source)))
+    def _log(self, kind: str, source: str, text: str, severity: int) -> None:
+        self._events.append(Event(self.now_ns(), kind, printable(source), printable(text), int(severity)))
         self.logged += 1
+        self.version += 1
 
-    def _make_room(self, alarm: Alarm) -> bool:
+    def _has_room(self, alarm: Alarm) -> bool:
+        """Return whether a new alarm has room, after the oldest inactive alarm was dropped if it must be."""
         if len(self._alarms) < self._max_alarms:
             return True
         gone = min((a for a in self._alarms.values() if not a.active), key=lambda a: a.raised_ns, default=None)
         if gone is None:
-            self.note(alarm.id, f"not shown, {self._max_alarms} alarms are active: {alarm.text}", alarm.raised_ns)
+            text = f"not shown, {self._max_alarms} alarms are active: {alarm.text}"
+            self._log("note", alarm.id, text, Severity.INFO)
             return False
         del self._alarms[gone.id]
         return True

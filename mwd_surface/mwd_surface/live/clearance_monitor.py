@@ -16,7 +16,7 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.trajectory.plan import Plan
 from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError
 
-_BIT_STEP = 5.0  # m; the wells are compared again after the bit has moved by this
+_BIT_STEP = 5.0  # movement of the bit after which the wells are compared again, m
 _SEPARATION, _FILE = "clearance.separation", "clearance.wells"
 _REMEDIES = {
     ClearanceLevel.STOP: "stop drilling; review the separation with the survey engineer before going on",
@@ -30,7 +30,6 @@ class ClearanceMonitor:
 
     Parameters
     ----------
-    context : WellContext
     plan : PlanMonitor
         The planned path.
     """

@@ -28,7 +28,6 @@ class DiagnosticsMonitor:
 
     Parameters
     ----------
-    context : WellContext
     full_name : str
         Full name of the surface node, with the namespace of the well.
 
@@ -39,12 +38,14 @@ class DiagnosticsMonitor:
     over_at : float or None
         Time of the first report that a simulation or replay has ended, s; None without a report, and again after the
         same node reports that it continues.
+    over_by : str
+        Name of the node that has reported the end, without its namespace; empty without a report.
     """
 
     def __init__(self, context: WellContext, full_name: str) -> None:
         self.reference: ReferenceFieldState | None = None
         self.over_at: float | None = None
-        self._source = ""
+        self.over_by = ""
         self._own_name, self._namespace = full_name, full_name.rpartition("/")[0] or "/"
         self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
         self._well = Well()
@@ -65,7 +66,10 @@ class DiagnosticsMonitor:
         if ours:
             node = ours[0].name.partition(":")[0]
             self._diagnostics_of[node] = (self._clock.now, ours)
-            self._follow_end(node, any((pair.key, pair.value) == OVER for status in ours for pair in status.values))
+            self._follow_end(
+                node.rpartition("/")[2],
+                any((pair.key, pair.value) == OVER for status in ours for pair in status.values),
+            )
         for status in ours:
             values = {pair.key: pair.value for pair in status.values}
             if status.name.endswith("estimator: survey") and not self._live.parts.over_link:
@@ -83,9 +87,9 @@ class DiagnosticsMonitor:
         """Store whether a simulation or replay has ended, until the same node reports that it runs again."""
         if over and self.over_at is None:
             self._alarm_log.log_event("scenario", "over: no more samples come, and their absence raises no alarm")
-            self.over_at, self._source = self._clock.now, node
-        elif not over and node == self._source:
-            self.over_at, self._source = None, ""
+            self.over_at, self.over_by = self._clock.now, node
+        elif not over and node == self.over_by:
+            self.over_at, self.over_by = None, ""
         if self._live.parts.over != (self.over_at is not None):
             self._live.show(self._clock.now, over=self.over_at is not None)
 
@@ -151,9 +155,11 @@ class DiagnosticsMonitor:
             for status in found:
                 level, what = _level(status), status.name.partition(": ")[2]
                 alarming = level == _ERROR or (level == _WARN and what.startswith("sensors"))
-                # Errors of this node raise alarms where they occur, except those of the middleware.
+                # Errors of this node raise alarms where they occur, except those of the middleware. The state of a
+                # link raises its alarm in `LinkMonitor`.
                 own = node == self._own_name and not what.startswith("middleware")
-                if alarming and not own and f"input.{what}" not in _SUPERVISED:
+                is_link = what.partition(" ")[0] == "link"
+                if alarming and not own and not is_link and f"input.{what}" not in _SUPERVISED:
                     severity = Severity.CRITICAL if level == _ERROR else Severity.WARNING
                     causes[f"node.{node.strip('/')}.{what}"] = (severity, status.message, _remedy(status))
         return causes

@@ -12,7 +12,7 @@ from mwd_surface.logs.tool_health import BatteryHealth, Exposure, ToolHealth
 Causes = dict[str, tuple[int, str, str]]
 # Used share of the tool's life at which an alarm is raised: the rest is needed to pull the tool out of the hole.
 _DOSE_WARNING = 0.8
-_EMPTY_H = 3.0  # h; remaining battery time below which the alarm is critical; shorter than a trip out of a deep hole
+_EMPTY_H = 3.0  # remaining battery time below which the alarm is critical, h; shorter than a trip out of a deep hole
 
 
 def health_alarms(health: ToolHealth, battery: BatteryLimits) -> Causes:

@@ -22,7 +22,6 @@ class InputMonitor:
 
     Parameters
     ----------
-    context : WellContext
     selection : SourceSelection
         Arbitration of the sources of rig data.
     link : bool

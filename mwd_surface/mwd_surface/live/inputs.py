@@ -2,8 +2,8 @@
 """
 Inputs of the surface: the clock that stamps each input, the offset of that clock, and the source of the bit depth.
 
-The offset of a clock is the stamp of a message minus the surface's time of arrival, the largest of a minute: the offset
-of the message with the shortest delay (the minimum filter of NTP, RFC 5905, section 10). A longer delay of other
+The offset of a clock is a message's stamp minus its time of arrival at the surface, for the message with the shortest
+delay in a minute, that is the largest difference (minimum filter of NTP, RFC 5905, section 10). A longer delay of other
 messages is part of their age. No clock is read here: every call takes `now`, s, of one steady clock, and the surface's
 time, ns.
 """
@@ -26,7 +26,7 @@ SONDE, GAUGE, HAND, BLOCK = "sonde", "gauge", "hand", "block"
 # Difference above which two depths disagree, m: a third of a joint of drill pipe, well above the stretch of the string
 # and the rounding of a tally.
 DISAGREEMENT = 3.0
-_WINDOW = 60.0  # s; time in which the message with the shortest delay is sought
+_WINDOW = 60.0  # time in which the message with the shortest delay is sought, s
 
 
 class StampClock(enum.IntEnum):
@@ -203,7 +203,7 @@ class DepthSources:
         if name == BLOCK:
             of_source = states.get(source, InputState(BLOCK, StampClock.RIG))
             begun = "a depth by hand" if hand is not None else f"the last depth of {source}"
-            words = f"{begun}, carried on by the block"
+            words = f"{begun}, continued by the movement of the block"
             row = dataclasses.replace(of_source, name=BLOCK, role=Role.IN_FORCE, priority=1, bit_depth=or_nan(depth))
             rows.append(dataclasses.replace(row, reason=words))
         apart = [abs(other - depth) for key, other in live.items() if key != name] if depth is not None else []

@@ -42,12 +42,10 @@ class LiveValue:
     ----------
     value, sigma : float or None
         Value and 1 sigma in `unit`; value is None before the first value, sigma is None if unknown.
-    unit : str
     at, age : float or None
         Time of arrival by the steady clock, and time since arrival, s.
     stale_after : float
         Age above which the value is stale, s.
-    state : Freshness
     reason : str
         Reason why the value is withheld; empty if it is not withheld.
     measured_at : float or None
@@ -110,7 +108,6 @@ class LatestValues:
 
     Parameters
     ----------
-    quantities : mapping of str to Quantity
     periods : mapping of str to float
         Longest usual time between messages of each stream, s.
     """

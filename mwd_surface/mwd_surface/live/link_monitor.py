@@ -33,7 +33,6 @@ class LinkMonitor:
 
     Parameters
     ----------
-    context : WellContext
     source : str
         Setting `link.source`: the name of one link, or "best" for the best of all links.
     on_gauge : callable

@@ -101,7 +101,6 @@ class LiveWell:
     ----------
     context : WellContext
         Shared objects of the well; the clock is at the time of the start.
-    settings : WellSettings
     decode : callable
         `decode(topic, data)` returns a serialised message as an object with the fields of its type.
     book : SurveyBook
@@ -313,7 +312,7 @@ class LiveWell:
         self.diagnostics.update(now)
         self.inputs.update(now, shown=not self._said.tells_inputs)
         depths = self.inputs.table.depth_difference
-        self._supervision.over_at = self.diagnostics.over_at
+        self._supervision.over_at, self._supervision.over_by = self.diagnostics.over_at, self.diagnostics.over_by
         self._supervision.update(now, book.depth.clock_difference, depths, self._outlet.readings())
         self._link.update()
         self.decoder.update(now)
@@ -328,13 +327,13 @@ class LiveWell:
             self._show_alarms(now)
 
     def _show_alarms(self, now: float) -> None:
-        book, missing = self.alarm_log.book, self.not_evaluated()
-        if (book.version, missing) != self._shown_alarms:
-            self._shown_alarms = (book.version, missing)
-            stamp_ns = self.alarm_log.now_ns()
-            self._outlet.on_alarms(book, missing, stamp_ns)
-            alarms = AlarmState(book.alarms(), missing, stamp_ns / NANOSECONDS - now)
-            self.live.show(now, alarms=alarms, events=book.events())
+        log, missing = self.alarm_log, self.not_evaluated()
+        if (log.version, missing) != self._shown_alarms:
+            self._shown_alarms = (log.version, missing)
+            stamp_ns = log.now_ns()
+            self._outlet.on_alarms(log, missing, stamp_ns)
+            alarms = AlarmState(log.alarms(), missing, stamp_ns / NANOSECONDS - now)
+            self.live.show(now, alarms=alarms, events=log.events())
 
     def not_evaluated(self) -> tuple[str, ...]:
         """Return the kinds of alarms that could not be evaluated so far, because their inputs have not arrived."""
@@ -432,8 +431,8 @@ def _last_survey(surveys: SurveyList, *, magnetic: bool) -> AdviceBasis:
 # Slide sheet of a well: intervals of sliding and rotating drilling with their toolface, and the quill's angle.
 
 
-_ON_BOTTOM = 0.5  # m; a bit that is less than this above the end of the hole is drilling
-_ROTATING_SPEED = 10.0  # rad/s; assumed rotary speed if only the attitude's status shows that the tool rotates
+_ON_BOTTOM = 0.5  # largest distance of a drilling bit from the end of the hole, m
+_ROTATING_SPEED = 10.0  # assumed rotary speed if only the attitude's status shows that the tool rotates, rad/s
 _DEPTHS = RIG_VALID["bit_depth"] | RIG_VALID["hole_depth"]
 
 
@@ -443,7 +442,6 @@ class SlideRecorder:
 
     Parameters
     ----------
-    context : WellContext
     rules : SlideRules
         Rules by which an interval counts as sliding.
     earlier : iterable of DrilledStretch
@@ -544,6 +542,8 @@ class SupervisionMonitor:
     over_at : float or None
         Time of the end of the simulation or replay that makes the data, s. Topics and nodes that are silent from then
         on raise no alarm (ISA-18.2: suppressed by design).
+    over_by : str
+        Node that has made the data. It may end at any later time, so that its heartbeat is not expected.
     """
 
     def __init__(self, context: WellContext) -> None:
@@ -557,6 +557,7 @@ class SupervisionMonitor:
         self._advanced_at = self._sampled_at = 0.0
         self.judged: set[str] = set()
         self.over_at: float | None = None
+        self.over_by = ""
 
     @property
     def heard(self) -> frozenset[str]:
@@ -597,14 +598,16 @@ class SupervisionMonitor:
         """
         Raise and clear the alarms of the table; called once a second.
 
-        now: steady time, s. clock_difference: difference between the clocks of rig and sonde, s, None if unknown.
-        depth_difference: difference between the sources of depth, m, NaN if unknown. machine: readings of this
-        computer, by alarm id of their row.
+        now: steady time, s.
+        clock_difference: difference between the clocks of rig and sonde, s, None if unknown.
+        depth_difference: difference between the sources of depth, m, NaN if unknown.
+        machine: readings of this computer, by alarm id of their row.
         """
         last = {f"input.{topic}": at for topic, at in self._received_at.items()}
         last |= {f"heartbeat.{node}": at for node, at in self._beat_at.items()}
         expected = -math.inf if self.over_at is None else self.over_at + _TRAILING
-        readings = {alarm: now - at for alarm, at in last.items() if at > expected}
+        ended = f"heartbeat.{self.over_by}"
+        readings = {alarm: now - at for alarm, at in last.items() if at > expected and alarm != ended}
         readings |= self._figures
         readings["clock.sonde"] = self._sampled_at - self._advanced_at
         if clock_difference is not None:

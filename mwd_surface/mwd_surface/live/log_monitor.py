@@ -29,8 +29,6 @@ class LogMonitor:
 
     Parameters
     ----------
-    context : WellContext
-    book : SurveyBook
     source : str
         Link whose samples are used, as in the setting `link.source`.
     """
@@ -91,7 +89,7 @@ class LogMonitor:
             self._retry_at = now + _RETRY_S
         # The disk may accept a few bytes and still refuse the next line: end the alarm after `_RETRY_S` without fault.
         if journal.fault:
-            remedy = "free space on this disk; a restart of the surface loses the log samples since the alarm"
+            remedy = "free space on this disk; a restart of the surface node would lose the log samples since the alarm"
             text = f"the log samples cannot be written to the disk: {journal.fault}"
             self._alarm_log.raise_alarm("log.journal", Severity.WARNING, text, remedy)
         elif now >= self._retry_at:

@@ -85,10 +85,7 @@ def _straight(settings: PlanSettings, well: Well) -> Plan | None:
     """
     Return the straight plan that the settings describe; None if the settings describe no straight plan.
 
-    Raises
-    ------
-    ValueError
-        The settings contradict each other, or the convention of the well.
+    Raises ValueError if the settings contradict each other, or the convention of the well.
     """
     azimuth, angle = settings.opening_azimuth_deg, settings.opening_angle_deg
     if azimuth is None and angle is None:

@@ -46,7 +46,6 @@ class SaidByTheSurface:
 
     Parameters
     ----------
-    context : WellContext
     book : SurveyBook
         Receives the survey list, and the depth that a person had set.
     on_outcome : callable
@@ -112,7 +111,7 @@ class SaidByTheSurface:
 
     def _on_alarms(self, message: Any) -> None:
         stamp_ns = stamp_of(message.header.stamp)
-        # A graph with simulated time stamps its alarms with that time.
+        # If the nodes use simulated time, their alarms have stamps in simulated time.
         now_ns = stamp_ns if abs(stamp_ns - self.shown_ns) > NANOSECONDS else self.shown_ns
         missing = tuple(str(one) for one in message.not_evaluated)
         self._alarms = tuple(map(Alarm.from_message, message.alarms)), now_ns - self.shown_ns, missing

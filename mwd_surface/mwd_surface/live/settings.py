@@ -4,76 +4,39 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.list_settings import ListSettings
 from mwd_surface.surveys.station_quality import QualityLimits
 
 
+def _period_setting(seconds: float, messages: str) -> Any:
+    """Declare the usual time between messages of one kind, s."""
+    return setting(
+        seconds,
+        f"Usual time between {messages}. The page shows STALE after twice this time without one. Raise it for a slower "
+        "source.",
+        unit="s",
+        low=0.05,
+    )
+
+
 @dataclasses.dataclass(frozen=True)
 class LiveSettings:
     """Usual time between messages of each kind, and amounts of data kept for the page."""
 
-    estimator_period: float = setting(
-        0.5,
-        "Usual time between attitudes. The page shows STALE after twice this time without an attitude. Raise it for a "
-        "slower source.",
-        unit="s",
-        low=0.05,
-    )
-    dynamics_period: float = setting(
-        1.0,
-        "Usual time between summaries of drilling dynamics. The page shows STALE after twice this time without a "
-        "summary. Raise it for a slower source.",
-        unit="s",
-        low=0.05,
-    )
-    rig_period: float = setting(
-        1.0,
-        "Usual time between messages of rig data. The page shows STALE after twice this time without a message. Raise "
-        "it for a slower source.",
-        unit="s",
-        low=0.05,
-    )
-    temperature_period: float = setting(
-        1.0,
-        "Usual time between temperatures. The page shows STALE after twice this time without a temperature. Raise it "
-        "for a slower source.",
-        unit="s",
-        low=0.05,
-    )
-    magnetometer_period: float = setting(
-        0.5,
-        "Usual time between magnetometer samples. The page shows STALE after twice this time without a sample. Raise "
-        "it for a slower source.",
-        unit="s",
-        low=0.05,
-    )
-    interference_period: float = setting(
-        1.0,
-        "Usual time between estimates of the magnetic interference. The page shows STALE after twice this time "
-        "without an estimate. Raise it for a slower source.",
-        unit="s",
-        low=0.05,
-    )
-    recorder_period: float = setting(
-        1.0,
-        "Usual time between reports of the recorder. The page shows STALE after twice this time without a report. "
-        "Raise it for a slower recorder.",
-        unit="s",
-        low=0.05,
-    )
-    sonde_period: float = setting(
-        0.5,
-        "Usual time between raw samples of the sonde. The page shows STALE after twice this time without a sample. "
-        "Raise it for a slower sonde.",
-        unit="s",
-        low=0.05,
-    )
+    estimator_period: float = _period_setting(0.5, "attitudes")
+    dynamics_period: float = _period_setting(1.0, "summaries of drilling dynamics")
+    rig_period: float = _period_setting(1.0, "messages of rig data")
+    temperature_period: float = _period_setting(1.0, "temperatures")
+    magnetometer_period: float = _period_setting(0.5, "magnetometer samples")
+    interference_period: float = _period_setting(1.0, "estimates of the magnetic interference")
+    recorder_period: float = _period_setting(1.0, "reports of the recorder")
+    sonde_period: float = _period_setting(0.5, "raw samples of the sonde")
     withheld_sigma_deg: float = setting(
         45.0,
         "Sigma of an angle above which the page does not show the angle. Raising it shows less certain angles.",
-        unit="deg",
         low=1.0,
         high=180.0,
     )
@@ -90,7 +53,6 @@ class LiveSettings:
     history_seconds: float = setting(
         600.0,
         "Time range of the strip charts. Raising it costs memory and data volume to each browser.",
-        unit="s",
         low=10.0,
         high=7200.0,
     )
@@ -151,7 +113,6 @@ class PlanSettings(ListSettings):
     opening_azimuth_deg: float | None = setting(
         None,
         "Azimuth of a straight planned hole, from the north of the well. nan if the plan is a file.",
-        unit="deg",
         low=0.0,
         high=360.0,
     )
@@ -159,11 +120,10 @@ class PlanSettings(ListSettings):
         None,
         "Vertical angle of a straight planned hole, dip or inclination as the convention of the well says. nan if "
         "the plan is a file.",
-        unit="deg",
         low=-180.0,
         high=180.0,
     )
-    length_m: float = setting(100.0, "Length of a straight planned hole.", unit="m", low=1.0, high=5000.0)
+    length_m: float = setting(100.0, "Length of a straight planned hole.", low=1.0, high=5000.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,5 +137,4 @@ class LinkSettings:
         "topics link/... of several receivers. With any other word than direct the surface subscribes to nothing "
         "else of the tool.",
         choices=("direct", "mud_pulse", "em", "coil", "serial", "best"),
-        fixed=True,
     )

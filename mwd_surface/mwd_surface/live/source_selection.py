@@ -19,9 +19,8 @@ class SourceRules:
     priority: list[str] = setting(
         ["rig_floor", OPCUA, WITS, MODBUS],
         "Sources of rig data, the preferred one first. A source is named by the frame of its messages without "
-        "prefix: rig_floor is a ROS publisher, the others are our rig interfaces. A source that is not in the list "
+        "prefix: rig_floor is a ROS publisher, the others are the rig interfaces. A source that is not in the list "
         "is used only while none of these sends, and an alarm names it.",
-        fixed=True,
     )
     silent_after: float = setting(
         5.0,
@@ -30,7 +29,6 @@ class SourceRules:
         unit="s",
         low=0.5,
         high=600.0,
-        fixed=True,
     )
     settle: float = setting(
         10.0,
@@ -39,7 +37,6 @@ class SourceRules:
         unit="s",
         low=0.0,
         high=3600.0,
-        fixed=True,
     )
     hand_hold: float = setting(
         600.0,
@@ -48,7 +45,6 @@ class SourceRules:
         unit="s",
         low=0.0,
         high=86400.0,
-        fixed=True,
     )
 
 

@@ -31,7 +31,6 @@ class StreamDecoder:
 
     Parameters
     ----------
-    context : WellContext
     on_attitude, on_rig_state : callable
         Called with the samples of `attitude` and `rig/state` before the live state is updated; `on_rig_state` returns
         the samples to be shown.

@@ -34,7 +34,6 @@ class SupervisionRow:
         Largest normal reading, in the unit of the reading.
     persistence_s : float
         Time for which a reading must be above the limit to raise the alarm, and within it to clear the alarm, s.
-    severity : Severity
     remedy : str
         Advice to the user.
     action, degraded : str
@@ -198,7 +197,7 @@ TABLE = (
         1.0,
         10.0,
         Severity.WARNING,
-        "free the disk, or move old recordings away",
+        "free space on the disk, or move old recordings away",
         "recording pauses at recorder.min_free_bytes and resumes by itself",
         "survey list, page and rig interfaces go on",
     ),

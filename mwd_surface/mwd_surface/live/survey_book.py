@@ -26,8 +26,8 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.trajectory.well_path import Definitive
 
-_BIT_STEP = 0.1  # m; the projection to the bit is shown again after the bit has moved by this
-_SHIFT = 0.05  # m; a smaller movement of the path is not mentioned
+_BIT_STEP = 0.1  # movement of the bit after which the projection to it is shown again, m
+_SHIFT = 0.05  # smallest movement of the path that is mentioned, m
 
 _AGAIN = "and put the surveys.json that it writes into the folder `surveys` of the well while the surface is stopped"
 _TIE_ON = (
@@ -54,7 +54,6 @@ class SurveyBook:
 
     Parameters
     ----------
-    context : WellContext
     plan : PlanMonitor
         The planned path.
     surveys : SurveyList
@@ -145,7 +144,8 @@ class SurveyBook:
         """
         Add a survey of the estimator to the list with the depth at its time; return the outcome in words.
 
-        A survey that the list refuses raises an alarm; a survey that is in the list already changes nothing.
+        A survey that the list refuses raises an alarm, which ends with the next survey that the list takes; a survey
+        that is in the list already changes nothing.
         """
         at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_offset)
         known = any(r.survey.uuid == survey.uuid for r in self.surveys.records)
@@ -156,7 +156,7 @@ class SurveyBook:
             self._alarm_log.raise_alarm("survey.refused", Severity.WARNING, text)
             return text
         record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
-        self._alarm_verdict(record)
+        self._alarm_log.clear_alarm("survey.refused")
         self._revised.clear()
         self._alarm_log.set_alarms("survey.revised", {})
         number = f"survey {record.survey.sequence}"
@@ -233,14 +233,15 @@ class SurveyBook:
         }
         self._alarm_log.set_alarms("survey.withdrawn.", causes)
 
-    def _alarm_verdict(self, record: SurveyRecord) -> None:
-        """Raise an alarm while the azimuth of the newest survey is in doubt."""
-        if not record.azimuth_doubt:
-            self._alarm_log.clear_alarm("survey.azimuth")
-            return
-        severity = Severity.CRITICAL if record.survey.verdict_azimuth == Verdict.REJECT else Severity.WARNING
-        remedy = "act on the reason, or decide about it in the list"
-        self._alarm_log.raise_alarm("survey.azimuth", severity, record.azimuth_doubt, remedy)
+    def _alarm_doubt(self) -> None:
+        """Raise an alarm while the azimuth of the newest survey is in doubt and nobody has decided about the survey."""
+        newest = max(self.surveys.records, key=lambda record: record.survey.stamp_ns, default=None)
+        causes = {}
+        if newest is not None and newest.azimuth_doubt and newest.judgement == Judgement.NOT_JUDGED:
+            severity = Severity.CRITICAL if newest.survey.verdict_azimuth == Verdict.REJECT else Severity.WARNING
+            remedy = "act on the reason, or decide about it in the list"
+            causes = {"survey.azimuth": (int(severity), newest.azimuth_doubt, remedy)}
+        self._alarm_log.set_alarms("survey.azimuth", causes)
 
     def _alarm_assumptions(self, path: Definitive) -> None:
         """Raise an alarm while the coordinates of the path depend on an assumption."""
@@ -273,6 +274,7 @@ class SurveyBook:
     def show(self) -> None:
         """Show and publish list and path, and compute the covariance in the background."""
         surveys, path = self.surveys, self.definitive()
+        self._alarm_doubt()
         self._alarm_revisions()
         self._alarm_assumptions(path)
         self._outlet.on_surveys(surveys, path)

@@ -9,8 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mwd_sensors.core.arrays import Samples
-from mwd_surface.live.alarm_log import AlarmLog
-from mwd_surface.live.alarms import AlarmBook
+from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.toolface import ToolfaceReading
@@ -48,9 +47,9 @@ class WellOutlet:
         """Accept a survey that is now in use."""
 
     def on_surveys(self, surveys: SurveyList, path: Definitive) -> None:
-        """Accept the changed survey list and its path."""
+        """Accept the changed survey list, and the well path computed from it."""
 
-    def on_alarms(self, book: AlarmBook, missing: tuple[str, ...], stamp_ns: int) -> None:
+    def on_alarms(self, log: AlarmLog, missing: tuple[str, ...], stamp_ns: int) -> None:
         """Accept changed alarms and events; missing: kinds of alarms that are not evaluated, in words."""
 
     def on_rig_state(self, samples: Samples) -> None:
@@ -81,11 +80,8 @@ class WellContext:
 
     Attributes
     ----------
-    clock : WellClock
     live : LiveState
         State of the well for page and rig interfaces.
-    alarm_log : AlarmLog
-    outlet : WellOutlet
     """
 
     clock: WellClock

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 
 from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
-from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.survey import REFERENCE_FIELDS, Survey
 from mwd_sensors.core.arrays import Array
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.clearance.clearance import Clearance
@@ -69,7 +69,6 @@ class AttitudeState:
         Toolfaces of the last sample; None if the sample does not define them.
     status : Status
         Status of the last sample.
-    north : North
     stamp_ns : int or None
         Stamp of the last sample, ns; None before the first sample.
     """
@@ -110,9 +109,6 @@ class ToolfaceState:
 
     Attributes
     ----------
-    angle : LiveValue
-    mode : ToolfaceMode
-    rotating : bool
     stamp_ns : int or None
         Stamp of the last sample, ns; None before the first sample.
     measured_ns : int or None
@@ -120,7 +116,6 @@ class ToolfaceState:
         measured.
     readings : tuple of DialReading
         Toolfaces on the dial, oldest first.
-    advisory : Advisory or None
     threshold : float or None
         Inclination, rad, below which the mode is MAGNETIC; None if unknown.
     """
@@ -195,14 +190,8 @@ class ReferenceFieldState:
     @classmethod
     def of_survey(cls, survey: Survey) -> ReferenceFieldState:
         """Return the reference field with which a survey was judged."""
-        return cls(
-            total=survey.b_reference,
-            dip=survey.dip_reference,
-            declination=survey.declination,
-            convergence=survey.convergence,
-            gravity=survey.g_reference,
-            source=f"as of survey {survey.sequence}",
-        )
+        values = {name: getattr(survey, field) for name, field in REFERENCE_FIELDS.items()}
+        return cls(**values, source=f"as of survey {survey.sequence}")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -332,7 +321,6 @@ class WellState:
         State of the downlink command to the tool.
     inputs : InputTable
         Clock offsets and ages of the inputs, and the source of the depth.
-    recorder : RecorderStatus or None
     diagnostics : tuple of NodeDiagnostic
         Diagnostics of the nodes, worst first.
     events : tuple of Event

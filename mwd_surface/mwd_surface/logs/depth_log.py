@@ -26,26 +26,28 @@ from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.log_channels import FLAGS, LogSample, is_channel_name
 from mwd_surface.list_files.list_checks import DEEPEST as DEEPEST_M
+from mwd_surface.surveys.depth import DepthRules
 
 FIRST, DEEPEST, ALL = "first", "deepest", "all"
 PASSES = (FIRST, DEEPEST, ALL)
-STEP_M = 0.1  # m, default depth step
+STEP_M = 0.1  # default depth step, m
 # A sensor or bit within this distance of its deepest depth counts as deepest, m; the pick-up at a connection is larger.
 _ON_BOTTOM_M = 0.03
 # Longest time between two bit depths over which the depth is interpolated, s.
 _BRIDGE_S = 30.0
 _CHUNK = 256  # number of depth steps in one array of sums
-_STEP_S = 1.0  # s, approximate length of the parts into which the interval of a sample is cut
-_DEPTHS_NS = NANOSECONDS  # least time between two bit depths that are kept, ns
+_STEP_S = 1.0  # approximate length of the parts into which the interval of a sample is cut, s
+_DEPTHS_NS = NANOSECONDS  # shortest time between two bit depths that are kept, ns
 _LONGEST_S = 3600.0  # longest interval of a sample, s
-_MOST_SECTORS, _MOST_CHANNELS = 64, 64  # largest number of sectors of a sample, and of channels
+_MOST_SECTORS, _MOST_CHANNELS = 64, 64  # largest number of sectors of a sample, and largest number of channels
 _FARTHEST_M = 100.0  # largest distance of a sensor from the bit, m
 _LARGEST = 1e12  # largest absolute value of a sample in its unit; its square and the sums over a well stay finite
 _UNIT = re.compile(r"[A-Za-z0-9/^*%.° -]{0,16}")
 # If a sample is late by at most _LATE_NS, ns, all samples are placed again in order of time. At most _MOST_KEPT samples
 # are kept for this: three days with four channels that send a sample every 10 s.
 _LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 100_000
-_SILENT_NS = 120 * NANOSECONDS  # ns; a channel without a sample for longer has stopped; a link may need a minute
+_SILENT_NS = 120 * NANOSECONDS  # time without a sample after which a channel has stopped, ns; a link may need a minute
+_RULES = DepthRules()
 _MOST_WAITING = 20_000  # largest number of samples that wait for a depth: half a day with four channels as above
 
 
@@ -56,7 +58,6 @@ class Curve:
 
     Attributes
     ----------
-    channel, unit : str
     depth : ndarray, shape (n,)
         Middle of each step, m.
     value, sigma : ndarray, shape (n,)
@@ -236,7 +237,7 @@ class DepthLog:
         self._stamps = array.array("q")
         self._bits = array.array("d")
         self._bottoms = array.array("d")
-        self._bottom = -math.inf
+        self._bottom = self._before_step = -math.inf  # and the deepest depth before the last step down, m
         self.unusable: dict[str, int] = {}
         self._units: dict[str, str] = {}
         self.disordered = 0
@@ -277,6 +278,15 @@ class DepthLog:
             for column in (self._stamps, self._bits, self._bottoms):
                 del column[at:]
             self._bottom = self._bottoms[-1] if at else -math.inf
+        seconds, step = (
+            (abs(stamp_ns - self._stamps[-1]) / NANOSECONDS, bit_depth - self._bits[-1]) if self._stamps else (0.0, 0.0)
+        )
+        if abs(step) > _RULES.slack + _RULES.fastest * seconds:
+            # The string cannot move that far. After a step up, the depths since the last step down were wrong, or all.
+            if step > 0.0:
+                self._before_step = self._bottom
+            else:
+                self._bottom, self._before_step = self._before_step, -math.inf
         self._bottom = max(self._bottom, bit_depth)
         if not self._stamps or stamp_ns - self._stamps[-1] >= _DEPTHS_NS:
             self._stamps.append(stamp_ns)
@@ -370,7 +380,8 @@ class DepthLog:
             bit, bottom = at
             depth = bit - offset
             passes = [ALL]
-            if depth >= channel.deepest - _ON_BOTTOM_M:
+            # A deepest depth below the bottom of the hole was wrong.
+            if depth >= min(channel.deepest, bottom - offset) - _ON_BOTTOM_M:
                 passes.append(FIRST)
             if bit >= bottom - _ON_BOTTOM_M:
                 passes.append(DEEPEST)

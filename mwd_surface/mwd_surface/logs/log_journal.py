@@ -36,7 +36,6 @@ class LogJournal:
 
     Parameters
     ----------
-    path : Path
     most_bytes : int
         Size of the file, bytes, above which its older half is dropped.
 
@@ -54,7 +53,7 @@ class LogJournal:
         self._lines: list[str] = []
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
-            self._lines = path.read_bytes().decode(errors="replace").splitlines()
+            self._lines = lines_of(path)
         self._file: BinaryIO | None = self._opened()
         self._rig_ns = 0
 
@@ -68,15 +67,6 @@ class LogJournal:
                 file.write(b"\n")
         self._size = size
         return file
-
-    @classmethod
-    def read(cls, path: Path) -> LogJournal:
-        """Return the journal of a finished run, for reading only; OSError if the file cannot be read."""
-        made = cls.__new__(cls)
-        made.unreadable, made.fault, made._path, made._file, made._rig_ns = 0, "", path, None, 0
-        made._health = None
-        made._lines = path.read_bytes().decode(errors="replace").splitlines()
-        return made
 
     def close(self) -> None:
         """Close the file."""
@@ -93,7 +83,6 @@ class LogJournal:
             try:
                 self._file = self._opened()
                 self._write_sums()
-                self._file.flush()
             except OSError as error:
                 self._fail(error)
 
@@ -108,30 +97,10 @@ class LogJournal:
         The journal writes the sums of this account when it drops lines, and after a fault of the disk. Add each sample
         and each state of the rig to the account before writing it to the journal.
         """
-        begin = next((k + 1 for k in range(len(self._lines))[::-1] if _has_sums(self._lines[k], health)), 0)
-        for k, line in enumerate(self._lines):
-            try:
-                self._restore(json.loads(line), log, health if k >= begin else None)
-            except _UNREADABLE:
-                self.unreadable += 1
+        self.unreadable += restore(self._lines, log, health)
         self._lines, self._health = [], health
         if self._file is not None:
             self._bound()
-
-    def _restore(self, row: Any, log: DepthLog, health: HealthLedger | None) -> None:
-        if _SUMS in row:
-            return
-        if "at" in row:
-            stamp_ns, depth, pumping = int(row["at"]), row["bit"], row["pumping"]
-            if depth is not None:
-                log.add_depth(stamp_ns, float(depth))
-            if pumping is not None and health is not None:
-                health.add_flow(stamp_ns, pumping=bool(pumping))
-            return
-        sample = LogSample(**{name: _read(value) for name, value in row.items() if name in _FIELDS})
-        for valid in log.add([sample]):
-            if health is not None:
-                health.add(valid)
 
     def add_sample(self, sample: LogSample) -> None:
         """Write a log sample."""
@@ -146,11 +115,8 @@ class LogJournal:
     def _write(self, row: dict[str, Any]) -> None:
         if self.fault:
             return
-        if self._file is None:
-            raise ValueError("the journal was opened to be read")
         try:
             self._write_line(row)
-            self._file.flush()
         except OSError as error:
             self._fail(error)
         else:
@@ -161,6 +127,7 @@ class LogJournal:
         self._size += len(line)
         if self._file is not None:
             self._file.write(line)
+            self._file.flush()
 
     def _write_sums(self) -> None:
         if self._health is not None:
@@ -176,9 +143,41 @@ class LogJournal:
             write_whole(self._path, data[data.find(b"\n", len(data) - self._most_bytes // 2) + 1 :])
             self._file = self._opened()
             self._write_sums()
-            self._file.flush()
         except OSError as error:
             self._fail(error)
+
+
+def lines_of(path: Path) -> list[str]:
+    """Return the lines of a journal; OSError if the file cannot be read."""
+    return path.read_bytes().decode(errors="replace").splitlines()
+
+
+def restore(lines: list[str], log: DepthLog, health: HealthLedger) -> int:
+    """Add the data in the lines of a journal to a log and to a new account; return the number of unreadable lines."""
+    begin = next((k + 1 for k in range(len(lines))[::-1] if _has_sums(lines[k], health)), 0)
+    unreadable = 0
+    for k, line in enumerate(lines):
+        try:
+            _restore(json.loads(line), log, health if k >= begin else None)
+        except _UNREADABLE:
+            unreadable += 1
+    return unreadable
+
+
+def _restore(row: Any, log: DepthLog, health: HealthLedger | None) -> None:
+    if _SUMS in row:
+        return
+    if "at" in row:
+        stamp_ns, depth, pumping = int(row["at"]), row["bit"], row["pumping"]
+        if depth is not None:
+            log.add_depth(stamp_ns, float(depth))
+        if pumping is not None and health is not None:
+            health.add_flow(stamp_ns, pumping=bool(pumping))
+        return
+    sample = LogSample(**{name: _read(value) for name, value in row.items() if name in _FIELDS})
+    for valid in log.add([sample]):
+        if health is not None:
+            health.add(valid)
 
 
 def _has_sums(line: str, health: HealthLedger) -> bool:

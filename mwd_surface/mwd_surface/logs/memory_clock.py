@@ -19,14 +19,14 @@ from scipy import signal
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.wire import NANOSECONDS
 
-_COARSE_S = 0.5  # s, grid of the first search
-_SMOOTH_S = 2.0  # s, length of the mean over both rotations before the refinement
+_COARSE_S = 0.5  # grid of the first search, s
+_SMOOTH_S = 2.0  # length of the mean over both rotations before the refinement, s
 _SPAN_S = 40.0  # length of the window around a change of the rotation in which the offset is refined, s
-_LEAST_S = 4.0  # least time with data before and after a change, s
-_FINE_S, _REACH_S = 0.02, 2.0  # s, step and largest correction of the refinement
-# Least correlation of a match, and least difference from the correlation of any other match.
+_LEAST_S = 4.0  # shortest time with data before and after a change, s
+_FINE_S, _REACH_S = 0.02, 2.0  # step and largest correction of the refinement, s
+# Lowest correlation of a match, and smallest difference from the correlation of any other match.
 _LEAST_CORRELATION, _LEAST_LEAD = 0.85, 0.02
-_APART_S = 20.0  # s; an offset farther from the best offset than this counts as another match
+_APART_S = 20.0  # distance from the best offset from which an offset counts as another match, s
 # Largest drift, s/s. Crystal clocks drift far less, so a larger drift means a wrong match.
 _MOST_DRIFT = 2e-4
 
@@ -64,7 +64,7 @@ class MemoryClock:
     changes: int
 
     def run_ns(self, memory_ns: int) -> int:
-        """Return the run time of a stamp of the memory, ns."""
+        """Return the time by the clock of the run for a stamp of the memory, ns."""
         ahead = memory_ns - self.reference_ns - round(self.offset_s * NANOSECONDS)
         drift = 0.0 if math.isnan(self.drift) else self.drift
         return self.reference_ns + round(ahead / (1.0 + drift))
@@ -117,7 +117,7 @@ def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
         spread = float(np.sum((at - middle) ** 2))
         drift = float(np.sum((at - middle) * (offset - mean)) / spread)
         scatter = float(np.sqrt(np.sum((offset - mean - drift * (at - middle)) ** 2) / (len(at) - 2)))
-        # The refinement is accurate to about a tenth of its grid, even if a few offsets agree better by chance.
+        # The scatter is at least a tenth of the step of the refinement; a few offsets may agree better by chance.
         scatter = math.hypot(scatter, 0.1 * _FINE_S)
         sigma, sigma_drift = scatter / math.sqrt(len(at)), scatter / math.sqrt(spread)
         if abs(drift) - 3.0 * sigma_drift > _MOST_DRIFT:

@@ -36,7 +36,6 @@ class Improvement:
 
     Attributes
     ----------
-    channel : str
     steps, before, filled, lost : int
         Numbers of depth steps: with a value in the merged log; with a value in the merged log and in the run's log;
         with a value from the memory only; with a value in the run's log only.
@@ -119,7 +118,6 @@ def with_surveys(
         List of the run.
     surveys : sequence of Survey
         Surveys of the memory, with stamps of the memory's clock.
-    clock : MemoryClock
     depth_of : callable
         Function that returns the depth of the sensor at a stamp of the run, ns.
 

@@ -142,12 +142,10 @@ class ToolHealth:
         Time with the pumps on, s; NaN if the rig has not reported the state of the pumps.
     battery : BatteryHealth or None
         None if neither the samples nor the tool file have data on a battery.
-    exposures : tuple of Exposure
     failed_tests : tuple of str or None
         Names of the self-tests that failed when they last ran; None: the tool has reported no results.
     unreported_tests : tuple of str
         Names of the self-tests that the tool has not reported as run, so that their result is unknown.
-    parts : tuple of PartHealth
     remarks : tuple of str
         Sentences on data that could not be read.
     """

@@ -20,10 +20,7 @@ def read_limits(tool_file: str) -> ToolLimits | None:
     """
     Return the limits in a tool file; None without a file.
 
-    Raises
-    ------
-    ValueError, OSError
-        See `tool_configuration.read_several`.
+    Raises ValueError, OSError as `tool_configuration.read_several` does.
     """
     if not tool_file:
         return None

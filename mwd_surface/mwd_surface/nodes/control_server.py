@@ -12,7 +12,6 @@ from rclpy.serialization import deserialize_message
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
-from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.messages import make
 from mwd_sensors.ros.time_stamps import stamp
@@ -28,8 +27,8 @@ from mwd_surface.ros.seal import SealChecker, SealError
 from mwd_surface.ros.topics import TOPICS
 
 _RESTART = "then restart the surface"
-_PERIOD = 0.1  # s between two commands to the rig
-_STATE_PERIOD = 0.5  # s between two messages of an unchanged state
+_PERIOD = 0.1  # time between two commands to the rig, s
+_STATE_PERIOD = 0.5  # time between two messages of an unchanged state, s
 _INTERFACE = "ROS"
 # Fields of the status that change at every update: a change of these fields alone does not publish a new state.
 _ALWAYS_CHANGING = ("heartbeat_age", "remaining", "achieved")
@@ -43,7 +42,6 @@ class ControlServer:
     ----------
     context : SurfaceContext
         Node, live state and alarm log of the surface.
-    settings : ControlSettings
 
     Attributes
     ----------
@@ -134,9 +132,7 @@ class ControlServer:
 
     def _on_command(self, data: bytes) -> None:
         sealed = deserialize_message(data, msg.SealedCommand)
-        message = sealed.command
-        names = ("mode", "lease", "sequence", "rotary_speed", "turn", "flow_rate", "valid_for", "returns")
-        point = SetPoint(**{name: getattr(message, name) for name in names}, stamp_ns=stamp_of(message.header.stamp))
+        point = SetPoint.from_message(sealed.command)
         try:
             taken, why = self.authority.command(point, time.monotonic(), self._sender("control/command", sealed))
         except SealError as error:
@@ -180,7 +176,7 @@ class ControlServer:
             self._numbers.reserve(self.authority.upcoming)
         except OSError as error:
             text = f"numbers of leases are not saved: {error}"
-            self._context.alarm_log.raise_alarm("control.unsaved", Severity.WARNING, text, "free the disk")
+            self._context.alarm_log.raise_alarm("control.unsaved", Severity.WARNING, text, "free space on the disk")
         else:
             self._context.alarm_log.clear_alarm("control.unsaved")
 
@@ -205,17 +201,7 @@ class ControlServer:
             self._context.alarm_log.clear_alarm("control.fault")
 
     def _command_message(self, point: SetPoint) -> Any:
-        message = msg.RigCommand(
-            mode=int(point.mode),
-            lease=point.lease,
-            sequence=point.sequence,
-            rotary_speed=point.rotary_speed,
-            turn=point.turn,
-            flow_rate=point.flow_rate,
-            valid_for=point.valid_for,
-            returns=point.returns,
-        )
-        message.header.stamp = stamp(point.stamp_ns or self._context.now_ns())
+        message = dataclasses.replace(point, stamp_ns=point.stamp_ns or self._context.now_ns()).to_message(make)
         message.header.frame_id = self._node.frame(wire.RIG_FRAME)
         return message
 
@@ -231,7 +217,8 @@ class ControlServer:
             return []
         status = self.authority.status(time.monotonic())
         values = (("refused", str(self.authority.refused)), ("sequence", str(status.sequence)))
-        words = f"{status.owner} has control" if status.owner else "the driller has control"
+        name = status.owner
+        words = f"{name} has control" if name else "the driller has control"
         if status.state == ControlState.FAULT:
             return [Diagnostic("control", WARN, status.reason, "take control back, or grant a new lease", values)]
         if status.refusal:

@@ -33,7 +33,7 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.topics import TOPICS
 
-_STATE_PERIOD = 1.0  # s between two messages of an unchanged state
+_STATE_PERIOD = 1.0  # time between two messages of an unchanged state, s
 # States whose details change without a transition: failed interlocks, symbol, set-point.
 _SHOWN = {DownlinkState.GRANTED, DownlinkState.ARMED, DownlinkState.RUNNING}
 _NO_TOOL = "this surface sends no commands: set downlink.tool_file to a tool.yaml with a downlink"
@@ -256,7 +256,7 @@ class DownlinkServer:
             self._memory.write(Kept.of(machine))
         except OSError as error:
             text = f"the tool's settings are not saved: {error}"
-            self._context.alarm_log.raise_alarm("downlink.unsaved", Severity.WARNING, text, "free the disk")
+            self._context.alarm_log.raise_alarm("downlink.unsaved", Severity.WARNING, text, "free space on the disk")
         else:
             self._context.alarm_log.clear_alarm("downlink.unsaved")
 

@@ -47,9 +47,9 @@ from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.sources import SerialBytes
 from mwd_surface.ros import link_messages
 
-_PERIOD_S = 0.05  # s between two calls that process the arrived messages
+_PERIOD_S = 0.05  # time between two calls that process the arrived messages, s
 _SILENT_S = 5.0  # time without a burst after which an input is silent, s
-_QUALITY_S, _ATTITUDE_S = 1.0, 0.5  # s between two messages on the quality, and on the attitude
+_QUALITY_S, _ATTITUDE_S = 1.0, 0.5  # time between two messages on the quality, and on the attitude, s
 _WAVE_SPEED = 1250.0  # speed of pressure waves in mud (Korteweg), m/s, for the age of a word
 _DEEPEST_M = 20_000.0  # depth that no hole exceeds, m
 _TURNING = 0.5  # speed of the top drive below which the string counts as sliding, rad/s
@@ -78,6 +78,8 @@ class _Input:
 
 class ReceiverNode(GraphNode[ReceiverSettings]):
     """Node that decodes the telemetry; it subscribes only to measurements of the rig, never to topics of the tool."""
+
+    changeable = ("place.", "verdict.")
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("receiver", ReceiverSettings(), **node_options)
@@ -155,10 +157,6 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             for tool, buffer in zip(self._tools, buffers, strict=True)
         ]
         self._surveys = LinkSurveys(self._tools, self._reference_at, self._errors, self.settings.verdict)
-
-    def changeable_at_runtime(self, name: str) -> bool:
-        """Return whether a parameter can change at run time: those of place and verdict can, for the next survey."""
-        return name.startswith(("place.", "verdict."))
 
     def on_settings_changed(self, settings: ReceiverSettings) -> None:
         """Use the changed settings for the verdict and the reference field of the next surveys."""
@@ -337,8 +335,10 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self._line.close()
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return a diagnostic for each link and, once samples have arrived, one for the reference field."""
+        """Return diagnostics of each link, of a serial line that fails, and, with samples, of the reference field."""
         found = [self._diagnostic(one) for one in self._inputs]
+        if self._line is not None and self._line.failure:
+            found.append(Diagnostic("serial line", ERROR, self._line.failure, "check the cable and the port"))
         heard = [one.feed for one in self._inputs if one.feed.heard]
         # The reference field depends on the date, which is taken from the stamps of the samples.
         if heard:
@@ -353,8 +353,6 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             ("unreadable", str(self._unreadable)),
         )
         name = "link" if len(self._inputs) == 1 else f"link {one.feed.tool.link}"
-        if one.buffer is None and self._line is not None and self._line.failure:
-            return Diagnostic(name, ERROR, self._line.failure, "check the cable and the port", values)
         lost = ERROR if one.feed.heard else WARN
         level = {NO_INPUT: lost, NO_FLOW: OK, LOCKED: OK}.get(quality.state, WARN)
         return Diagnostic(name, level, quality.reason or "words arrive", values=values)
@@ -383,7 +381,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
 # Samples per time unit of the code, or per carrier period: more than in the receiver's grid, as with a real gauge.
 _SAMPLES = 100.0
-_NOISE = 0.1  # standard deviation relative to the amplitude; the noise model needs some noise
+_NOISE = 0.1  # 1 sigma of the added noise, as a share of the amplitude; the noise model needs some noise
 
 
 def warm_up(tools: Iterable[ToolConfiguration]) -> None:

@@ -19,31 +19,20 @@ class ReceiverSettings:
         "",
         "Tool configuration (tool.yaml) of the transmitting tool. With a wrong file no word is received, and the "
         "status of the link names the reason.",
-        fixed=True,
     )
     second_tool_file: str = setting(
         "",
         "Tool configuration of a second link, such as EM in addition to mud pulses. Surveys and attitude come from "
         "both links; the better word is used. Empty: one link.",
-        fixed=True,
     )
     serial_port: str = setting(
         "",
         "Serial port of the surface unit of a wired tool, such as /dev/ttyUSB0. Its bytes are published on "
         "rig/serial. Empty: another node publishes the bytes on rig/serial.",
-        fixed=True,
     )
-    gauge: int = setting(
-        1,
-        "Gauge of a link through mud: 1 reads rig/standpipe, 2 rig/standpipe_2.",
-        low=1,
-        high=2,
-        fixed=True,
-    )
+    gauge: int = setting(1, "Gauge of a link through mud: 1 reads rig/standpipe, 2 rig/standpipe_2.", low=1, high=2)
     tool_code: str = setting(
-        "",
-        "ISCWSA / OWSG tool code that gives the sigma of surveys if the tool sends none. Empty: an ordinary MWD.",
-        fixed=True,
+        "", "ISCWSA / OWSG tool code that gives the sigma of surveys if the tool sends none. Empty: an ordinary MWD."
     )
     place: Place = setting(Place, "The place of the well, its magnetic field and gravity, as in the estimator.")
     verdict: QualitySettings = setting(QualitySettings, "When a survey of the link is accepted, as in the estimator.")

@@ -26,7 +26,7 @@ from mwd_surface.ros.context import SurfaceContext
 _STOP_TIMEOUT_S = 1.3  # longest duration of a step of stopping a recording, s; all steps together take less than 3 s
 _ATTACH_TIMEOUT_S = 0.4  # longest duration of adding one table or file to a recording, s
 _RETRY_S = 5.0  # time between two attempts to start a recording, s
-_RESUMES = "free the disk, or make its folder writable; recording resumes by itself"
+_RESUMES = "free space on the disk, or make its folder writable; recording resumes by itself"
 _FASTER = "use a faster disk, or record fewer topics"
 _SEVERITIES = {
     EventLevel.INFO: Severity.INFO,

@@ -19,7 +19,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
-from mwd_sensors.ros.deferred import DeferredResponse
+from mwd_sensors.ros.deferred import DeferredResponse, answering
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
@@ -33,50 +33,38 @@ from mwd_surface.bags.pace import Pace
 from mwd_surface.bags.topic_info import REMEDY
 from mwd_surface.ros.topics import message_class
 
-_TIMER_PERIOD = 0.002  # s between two timer callbacks
+_TIMER_PERIOD = 0.002  # time between two timer callbacks, s
 # Largest number of messages per timer callback, so that services respond and subscribers keep up after a delay.
 _MAX_PER_CALLBACK = 100
 _MAX_PER_STEP_CALLBACK = 50  # messages; smaller, because a step publishes without pauses and subscribers must keep up
-_SAY_EVERY_S = 10.0  # s between two log lines on the progress of the replay
+_SAY_EVERY_S = 10.0  # time between two log lines on the progress, s
 _MOST_LATCHED = 1000  # largest depth of a latched topic; used for a recorded depth of 0, which means no limit
 _FOREVER_S = 9e9  # a longer recorded duration, s, stands for "no limit"
-_NOT_STARTED = "the replay has not begun"
 
 
 @dataclasses.dataclass(frozen=True)
 class ReplaySettings:
     """Parameters of the replay node."""
 
-    bag: str = setting("", "Recording to publish: its folder, or its .mcap or .db3 file.", fixed=True)
+    bag: str = setting("", "Recording to publish: its folder, or its .mcap or .db3 file.")
     rate: float = setting(
         1.0,
         "Seconds of the recording per second of wall time; 0: as fast as possible. Subscribers lose samples at a "
         "rate they cannot follow.",
         low=0.0,
         high=1000.0,
-        fixed=True,
     )
-    loop: bool = setting(False, "Start again from the beginning when the end is reached.", fixed=True)
-    start_s: float = setting(0.0, "Start this long after the first message.", unit="s", low=0.0, fixed=True)
-    end_s: float = setting(
-        0.0, "End this long after the first message; 0: at the last message.", unit="s", low=0.0, fixed=True
-    )
-    topics: list[str] = setting([], "Topics to publish; empty: all.", fixed=True)
+    loop: bool = setting(False, "Start again from the beginning when the end is reached.")
+    start_s: float = setting(0.0, "Start this long after the first message.", low=0.0)
+    end_s: float = setting(0.0, "End this long after the first message; 0: at the last message.", low=0.0)
+    topics: list[str] = setting([], "Topics to publish; empty: all.")
     sensors_only: bool = setting(
         False,
         "Publish only the topics of sonde and rig, so that estimator and surface can run together with the replay.",
-        fixed=True,
     )
-    clock_hz: float = setting(
-        100.0, "Rate of /clock in wall time; 0: no /clock.", unit="Hz", low=0.0, high=1000.0, fixed=True
-    )
+    clock_hz: float = setting(100.0, "Rate of /clock in wall time; 0: no /clock.", low=0.0, high=1000.0)
     wait_for_listener_s: float = setting(
-        3.0,
-        "Longest wait for subscribers before the first message; 0: start at once.",
-        unit="s",
-        low=0.0,
-        high=600.0,
-        fixed=True,
+        3.0, "Longest wait for subscribers before the first message; 0: start at once.", low=0.0, high=600.0
     )
 
 
@@ -224,72 +212,64 @@ class ReplayNode(GraphNode[ReplaySettings]):
 
     # Services.
 
-    def _on_pause(self, _request: Any, response: Any) -> Any:
-        return self._set_paused(True, response)
-
-    def _on_resume(self, _request: Any, response: Any) -> Any:
-        return self._set_paused(False, response)
-
-    def _set_paused(self, pause: bool, response: Any) -> Any:
-        now = time.monotonic()
-        if self._pace is None:
-            response.success, response.message = False, _NOT_STARTED
-            return response
-        self._end_step(False, "paused" if pause else "the replay continues")
-        if self._pace.paused == pause:
-            response.success, response.message = True, "paused already" if pause else "going on already"
-        else:
-            (self._pace.pause if pause else self._pace.resume)(now)
-            response.success, response.message = True, "paused" if pause else "going on"
-        return response
-
-    def _on_seek(self, request: SeekReplay.Request, response: SeekReplay.Response) -> SeekReplay.Response:
+    def _started(self) -> tuple[Pace, Bag]:
         if self._pace is None or self._bag is None:
-            response.success, response.message = False, _NOT_STARTED
-            return response
+            raise ValueError("the replay has not begun")
+        return self._pace, self._bag
+
+    @answering
+    def _on_pause(self, _request: Trigger.Request, _response: Trigger.Response) -> str:
+        pace, _ = self._started()
+        self._end_step(False, "paused")
+        if pace.paused:
+            return "paused already"
+        pace.pause(time.monotonic())
+        return "paused"
+
+    @answering
+    def _on_resume(self, _request: Trigger.Request, _response: Trigger.Response) -> str:
+        pace, _ = self._started()
+        self._end_step(False, "the replay continues")
+        if not pace.paused:
+            return "going on already"
+        pace.resume(time.monotonic())
+        return "going on"
+
+    @answering
+    def _on_seek(self, request: SeekReplay.Request, response: SeekReplay.Response) -> str:
+        pace, bag = self._started()
         asked = request.time.sec * 10**9 + request.time.nanosec
         if not asked and not (math.isfinite(request.offset) and request.offset >= 0.0):
-            response.success, response.message = False, f"offset: must be 0 or more seconds, got {request.offset}"
-            return response
-        wanted = asked or self._bag.start_ns + round(request.offset * 1e9)
-        last = self._to_ns if self._to_ns is not None else self._bag.end_ns
+            raise ValueError(f"offset: must be 0 or more seconds, got {request.offset}")
+        wanted = asked or bag.start_ns + round(request.offset * 1e9)
+        last = self._to_ns if self._to_ns is not None else bag.end_ns
         if not self._from_ns <= wanted <= last:
-            first_s, last_s = (round((at - self._bag.start_ns) * 1e-9, 3) for at in (self._from_ns, last))
-            response.success = False
-            response.message = f"the replay is from {first_s:g} to {last_s:g} s after the first message"
-            return response
+            first_s, last_s = (round((at - bag.start_ns) * 1e-9, 3) for at in (self._from_ns, last))
+            raise ValueError(f"the replay is from {first_s:g} to {last_s:g} s after the first message")
         self._end_step(False, "the replay went to another moment")
         reached = self._go_to(wanted)
         now = time.monotonic()
-        self._pace.seek(reached, now)
+        pace.seek(reached, now)
         self._publish_clock(reached, now, immediately=True)
-        response.success, response.time = True, stamp(reached)
-        response.message = f"at {(reached - self._bag.start_ns) * 1e-9:.3f} s"
-        return response
+        response.time = stamp(reached)
+        return f"at {(reached - bag.start_ns) * 1e-9:.3f} s"
 
-    def _on_set_rate(self, request: SetReplayRate.Request, response: SetReplayRate.Response) -> SetReplayRate.Response:
-        if self._pace is None:
-            response.success, response.message = False, _NOT_STARTED
-        elif not 0.0 < request.rate <= 1000.0:
-            response.success, response.message = False, f"rate: must be above 0 and at most 1000, got {request.rate}"
-        else:
-            self._pace.set_rate(request.rate, time.monotonic())
-            response.success, response.message = True, f"{request.rate:g} s of the recording in a second"
-        return response
+    @answering
+    def _on_set_rate(self, request: SetReplayRate.Request, _response: SetReplayRate.Response) -> str:
+        pace, _ = self._started()
+        if not 0.0 < request.rate <= 1000.0:
+            raise ValueError(f"rate: must be above 0 and at most 1000, got {request.rate}")
+        pace.set_rate(request.rate, time.monotonic())
+        return f"{request.rate:g} s of the recording in a second"
 
-    def _on_step(
-        self, request: StepReplay.Request, response: StepReplay.Response
-    ) -> StepReplay.Response | DeferredResponse:
-        now = time.monotonic()
-        if self._pace is None:
-            response.success, response.message = False, _NOT_STARTED
-            return response
+    @answering
+    def _on_step(self, request: StepReplay.Request, _response: StepReplay.Response) -> DeferredResponse:
+        (pace, _), now = self._started(), time.monotonic()
         if not math.isfinite(request.duration) or request.duration < 0.0:
-            response.success, response.message = False, f"duration: must be 0 or more seconds, got {request.duration}"
-            return response
+            raise ValueError(f"duration: must be 0 or more seconds, got {request.duration}")
         self._end_step(False, "another step began")
-        self._pace.pause(now)
-        until = self._pace.position_ns(now) + round(request.duration * 1e9) if request.duration > 0.0 else None
+        pace.pause(now)
+        until = pace.position_ns(now) + round(request.duration * 1e9) if request.duration > 0.0 else None
         self._step = _Step(max(request.messages, 1), until, DeferredResponse())
         return self._step.response
 

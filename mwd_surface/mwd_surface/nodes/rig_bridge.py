@@ -26,8 +26,8 @@ from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.topics import TOPICS
 from mwd_surface.surveys.survey_list import SurveyList
 
-_VALUES_PERIOD = 0.1  # s between two sets of values sent to the rig interfaces
-_STATUS_PERIOD = 1.0  # s between two writes of the status file of the rig interfaces
+_VALUES_PERIOD = 0.1  # time between two sets of values sent to the rig interfaces, s
+_STATUS_PERIOD = 1.0  # time between two writes of the status file of the rig interfaces, s
 
 
 class RigBridge:
@@ -79,7 +79,7 @@ class RigBridge:
             authority=authority,
         )
         for name, error in self._port.start().items():
-            self._alarm_log.log_event(f"rig {name}", error, Severity.WARNING)
+            self._alarm_log.log_event("rig", f"{name}: {error}", Severity.WARNING)
 
     def open(self) -> None:
         """Open the topic of the rig's data if an interface can receive rig data."""
@@ -147,7 +147,10 @@ class RigBridge:
         if self._status_error:
             found.append(
                 Diagnostic(
-                    "rig status file", WARN, self._status_error, "free the disk; writing is retried every second"
+                    "rig status file",
+                    WARN,
+                    self._status_error,
+                    "free space on the disk; writing is retried every second",
                 )
             )
         for one in self._port.status():

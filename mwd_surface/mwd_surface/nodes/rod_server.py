@@ -25,8 +25,6 @@ class RodServer:
 
     Parameters
     ----------
-    context : SurfaceContext
-    settings : RodSettings
     surveys : SurveyListServer
         Survey list, where the bit depth of the tally is set like a depth by hand, so that recordings have this depth.
 
@@ -174,7 +172,8 @@ class RodServer:
             self._log.keep(tally)
         except OSError as error:
             text = f"the log of rods {self._log.path} could not be written: {error.strerror}"
-            log.raise_alarm("rods.unsaved", Severity.WARNING, text, "free the disk; writing is retried every second")
+            remedy = "free space on the disk; writing is retried every second"
+            log.raise_alarm("rods.unsaved", Severity.WARNING, text, remedy)
             return
         log.clear_alarm("rods.unsaved")
         if tally.changes and tally.changes[-1].action == CORRECT:

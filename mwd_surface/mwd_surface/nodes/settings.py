@@ -28,17 +28,14 @@ from mwd_surface.trajectory.slide_sheet import SlideRules
 class RecordSettings:
     """Parameters of the recording."""
 
-    enabled: bool = setting(True, "Start a recording when the node is activated.", fixed=True)
+    enabled: bool = setting(True, "Start a recording when the node is activated.")
     name: str = setting(
-        "",
-        "Folder name of the recording; a number is added if a folder of this name exists. Empty: date and time.",
-        fixed=True,
+        "", "Folder name of the recording; a number is added if a folder of this name exists. Empty: date and time."
     )
     topics: list[str] = setting(
         list(TOPICS),
         "Topics to record, relative to the well or absolute. A topic that does not exist yet is recorded as soon "
         "as it does. Each topic costs disk space; leave the list as it is unless a topic is to be added.",
-        fixed=True,
     )
 
 
@@ -47,19 +44,16 @@ class SurfaceSettings:
     """Parameters of the surface node."""
 
     folder: str = setting(
-        "~/mwd_data", "Folder of recordings, survey lists and exports; each well has its own folder in it.", fixed=True
+        "~/mwd_data", "Folder of recordings, survey lists and exports; each well has its own folder in it."
     )
-    serve_page: bool = setting(True, "Serve the live page.", fixed=True)
+    serve_page: bool = setting(True, "Serve the live page.")
     strict: bool = setting(
-        False,
-        "Refuse to start if the page cannot be served; false: raise an alarm and try again every 5 s.",
-        fixed=True,
+        False, "Refuse to start if the page cannot be served; false: raise an alarm and try again every 5 s."
     )
     tool_file: str = setting(
         "",
         "Tool configuration (tool.yaml) whose section `health` states battery, limits and parts of the tool. "
         "Empty: figures of a usual kit, shown as assumed.",
-        fixed=True,
     )
     link: LinkSettings = setting(LinkSettings, "How the surface receives the tool.")
     well: Well = setting(Well, "The well.")

@@ -36,8 +36,7 @@ from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface import __version__
 from mwd_surface.bags.recorder.status import RecorderError
-from mwd_surface.live.alarm_log import AlarmLog
-from mwd_surface.live.alarms import Severity
+from mwd_surface.live.alarms import AlarmLog, Severity
 from mwd_surface.live.inputs import InputState
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.live_well import LiveWell, live_settings
@@ -70,22 +69,20 @@ from mwd_surface.ros.worker import Answer, BackgroundWorker, RequestQueue
 from mwd_surface.surveys.survey_store import StoreError
 from mwd_surface.trajectory.slide_file import NAME, SLIDES, read_stretches, stretch_table
 
-_LIVE_PERIOD = 0.05  # s between two updates of page and toolface
-_SLOW_PERIOD = 1.0  # s between two updates of all other parts
+_LIVE_PERIOD = 0.05  # time between two updates of page and toolface, s
+_SLOW_PERIOD = 1.0  # time between two updates of all other parts, s
 
 
 class SurfaceNode(GraphNode[SurfaceSettings]):
     """Node between the topics of the sonde and the people and machines on the rig."""
+
+    changeable = ("well.", "rules.", "leg.", "plan.", "advisory.")
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("surface", SurfaceSettings(), **node_options)
         self._closers: list[Callable[[], Any]] = []
         # Once a second the page is updated even if no browser is connected.
         self._page_due = True
-
-    def changeable_at_runtime(self, name: str) -> bool:
-        """Return whether a parameter can change at run time: well, leg, plan, advisory and rules of the list can."""
-        return name.startswith(("well.", "rules.", "leg.", "plan.", "advisory."))
 
     def on_settings_changed(self, settings: SurfaceSettings) -> None:
         """Apply changed settings to survey list, plan and page."""
@@ -118,7 +115,6 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         try:
             self._create_parts()
         except (RecorderError, StoreError, InterfaceError, FoxgloveError, OSError, ValueError) as error:
-            self.cleanup()
             raise RuntimeError(str(error)) from error
         self._open_topics()
 
@@ -133,8 +129,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._time = SteadyTime()
         clock = WellClock(self._time.now_ns())
         # In a ROS graph with simulated time, alarms get the simulated time.
-        stamp = self._graph_ns if self.get_parameter("use_sim_time").value else None
-        outlet.alarm_log = AlarmLog(clock, outlet.tell, stamp)
+        now_ns = self._graph_ns if self.get_parameter("use_sim_time").value else lambda: clock.now_ns
+        outlet.alarm_log = AlarmLog(now_ns, outlet.tell)
         well_context = WellContext(clock, LiveState(live_settings(settings)), outlet.alarm_log, outlet)
         context = self._shared = SurfaceContext(
             node=self,
@@ -293,8 +289,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def _acknowledge(self, request: Any, response: Any) -> Any:
         """Acknowledge an alarm; return the response (service)."""
-        log = self._shared.alarm_log
-        response.success, response.message = log.book.acknowledge(request.id, request.operator_name, log.now_ns())
+        answer = self._shared.alarm_log.acknowledge(request.id, request.operator_name)
+        response.success, response.message = answer
         return response
 
     def _handle_request(self, name: str, arguments: dict[str, Any]) -> Answer | concurrent.futures.Future[Answer]:

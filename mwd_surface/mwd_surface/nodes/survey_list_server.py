@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter
 from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.unknown import or_nan
-from mwd_sensors.ros.deferred import DeferredResponse
+from mwd_sensors.ros.deferred import DeferredResponse, answering
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.messages import make, unknown
 from mwd_sensors.ros.qos import EVENT, LATCHED, STATE
@@ -189,27 +189,23 @@ class SurveyListServer(SurveyBook):
         event.header.stamp = stamp(self._decided_ns)
         self._event_publisher.publish(event)
 
-    def _judged(self, request: Any, response: Any, word: str) -> Any:
+    @answering
+    def _judged(self, request: Any, _response: Any, word: str) -> str:
         used = {r.survey.uuid for r in self.surveys.records if r.in_use}
         self._decided_ns = self._alarm_log.now_ns()
         judge = (request.sequence, request.operator_name, request.reason, self._decided_ns)
-        try:
-            if word == "accepted":
-                depth, replace, value = request.measured_depth, request.replace, Value(request.value)
-                surveys = self.surveys.accept(*judge, measured_depth=depth, replace=replace, value=value)
-            else:
-                surveys = self.surveys.reject(*judge)
-            self.replace(surveys)
-        except ValueError as error:
-            response.success, response.message = False, str(error)
-            return response
+        if word == "accepted":
+            depth, replace, value = request.measured_depth, request.replace, Value(request.value)
+            surveys = self.surveys.accept(*judge, measured_depth=depth, replace=replace, value=value)
+        else:
+            surveys = self.surveys.reject(*judge)
+        self.replace(surveys)
         for record in self.surveys.records:
             if record.in_use and record.survey.uuid not in used:
                 self.publish_accepted(record)
         because = f": {request.reason}" if request.reason else ""
         self._alarm_log.log_event("survey", f"survey {request.sequence} {word} by {request.operator_name}{because}")
-        response.success, response.message = True, f"survey {request.sequence} {word} by {request.operator_name}"
-        return response
+        return f"survey {request.sequence} {word} by {request.operator_name}"
 
     def set_depth(self, request: Any, response: Any) -> Any:
         """Set the bit depth by hand; return the response, with the reason if the depth is refused (service)."""
@@ -235,21 +231,16 @@ class SurveyListServer(SurveyBook):
         self._tell(msg.OperatorEvent.SET_DEPTH, request, response, depth=bit_depth)
         self._alarm_log.log_event("depth", message)
 
-    def _set_depth(self, request: Any, response: Any) -> Any:
+    @answering
+    def _set_depth(self, request: Any, _response: Any) -> str:
         self._decided_ns = self._alarm_log.now_ns()
         if not request.operator_name.strip():
-            response.success, response.message = False, "operator_name: must not be empty: it goes into the log"
-            return response
-        try:
-            self.set_depth_by_hand(self._decided_ns, request.bit_depth)
-        except ValueError as error:
-            response.success, response.message = False, str(error)
-            return response
+            raise ValueError("operator_name: must not be empty: it goes into the log")
+        self.set_depth_by_hand(self._decided_ns, request.bit_depth)
         self.on_depth_by_hand(request.bit_depth, 0.0)
-        response.success = True
-        response.message = f"bit depth {request.bit_depth:.2f} m by {request.operator_name}"
-        self._alarm_log.log_event("depth", response.message)
-        return response
+        message = f"bit depth {request.bit_depth:.2f} m by {request.operator_name}"
+        self._alarm_log.log_event("depth", message)
+        return message
 
     def export(self, request: Any, response: Any) -> Any:
         """
@@ -290,7 +281,7 @@ class SurveyListServer(SurveyBook):
         except StoreError as error:
             # Saving is retried every second: raise the alarm only once for an error.
             if str(error) != self._save_error:
-                remedy = "free the disk; writing is retried every second"
+                remedy = "free space on the disk; writing is retried every second"
                 self._alarm_log.raise_alarm("surveys.unsaved", Severity.CRITICAL, str(error), remedy)
             self._save_error = str(error)
             return

@@ -19,8 +19,7 @@ from mwd_sensors.ros.messages import make
 from mwd_sensors.ros.qos import DEADLINE_STATE, EVENT, LATCHED
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.recorder.status import RecorderStatus
-from mwd_surface.live.alarm_log import AlarmLog
-from mwd_surface.live.alarms import AlarmBook, Severity
+from mwd_surface.live.alarms import AlarmLog, Severity
 from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.toolface import ToolfaceReading
 from mwd_surface.live.well_context import WellOutlet
@@ -41,7 +40,6 @@ class NodeOutlet(WellOutlet):
 
     Parameters
     ----------
-    node : GraphNode
     worker : BackgroundWorker
         Worker thread for slow work.
     slide_file : Path
@@ -124,12 +122,12 @@ class NodeOutlet(WellOutlet):
         message.header.frame_id = self._node.frame(wire.SONDE_FRAME)
         self._advice.publish(message)
 
-    def on_alarms(self, book: AlarmBook, missing: tuple[str, ...], stamp_ns: int) -> None:
+    def on_alarms(self, log: AlarmLog, missing: tuple[str, ...], stamp_ns: int) -> None:
         """Publish the events since the last call, then all alarms."""
-        for event in book.events_after(self._told):
+        for event in log.events_after(self._told):
             self._events.publish(event.to_message(make))
-        self._told = book.logged
-        alarms = msg.AlarmList(alarms=[a.to_message(make) for a in book.alarms()], not_evaluated=list(missing))
+        self._told = log.logged
+        alarms = msg.AlarmList(alarms=[a.to_message(make) for a in log.alarms()], not_evaluated=list(missing))
         alarms.header.stamp = stamp(stamp_ns)
         self._alarms.publish(alarms)
 

@@ -20,7 +20,7 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_text
 
 VARIABLE = "MWD_PAGE_TOKEN"
-_SHORTEST = 8  # least length of the secret, characters
+_SHORTEST = 8  # length of the shortest secret, characters
 _MOST_WRONG = 5  # number of wrong secrets in a row from one address after which the address must wait
 _WAIT_S = 60.0  # time from the last wrong secret to the end of the wait, s
 _REMEMBERED = 1000  # number of addresses that are remembered

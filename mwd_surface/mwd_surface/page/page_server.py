@@ -95,7 +95,6 @@ class PageServer:
 
     Parameters
     ----------
-    settings : PageSettings
     on_command : callable, optional
         `on_command(name, arguments) -> (ok, message)`, called one at a time in a thread of the server. Commands that
         deny or abort use a second thread. Arguments are checked against `COMMANDS`. None, or an empty token: read-only.
@@ -407,7 +406,7 @@ class PageServer:
                     break
         finally:
             self._feed.clients.discard(client)
-            # Close the socket before cancelling: in Python 3.11 a wait that ends while it is cancelled swallows the
+            # Close the socket before cancelling: in Python 3.11 a wait that ends while it is cancelled loses the
             # cancellation, and the sender would continue; a closed socket ends it anyway. When the page stops, this may
             # run before the closing message of `_serve`.
             await talk.close(code=1001 if self._stop is not None and self._stop.is_set() else 1000)

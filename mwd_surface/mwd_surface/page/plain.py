@@ -90,10 +90,7 @@ def _names_of(record: type) -> tuple[str, ...]:
     """
     Return the names of the fields and properties of a record.
 
-    Raises
-    ------
-    TypeError
-        The type is not a record, so that there is no JSON for it.
+    Raises TypeError if the type is not a record, so that there is no JSON for it.
     """
     members = [name for base in record.__mro__ for name, one in vars(base).items() if isinstance(one, property)]
     return (*(field.name for field in dataclasses.fields(record)), *members)

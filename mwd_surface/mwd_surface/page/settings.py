@@ -12,36 +12,30 @@ from mwd_sensors.core.settings import setting
 class PageSettings:
     """Settings of the live page: address, access and limits."""
 
-    host: str = setting("127.0.0.1", "Address of the network interface on which the page is served.", fixed=True)
-    port: int = setting(8080, "TCP port of the page. 0 selects a free port.", low=0, high=65535, fixed=True)
+    host: str = setting("127.0.0.1", "Address of the network interface on which the page is served.")
+    port: int = setting(8080, "TCP port of the page. 0 selects a free port.", low=0, high=65535)
     allow_network: bool = setting(
-        False,
-        "Allow a host that other machines can reach. Without it only loopback addresses are accepted.",
-        fixed=True,
+        False, "Allow a host that other machines can reach. Without it only loopback addresses are accepted."
     )
     allowed_hosts: tuple[str, ...] = setting(
         (),
         "Further host names under which the page answers requests. Other names are refused, as protection against "
         "DNS rebinding.",
-        fixed=True,
     )
     token_file: str = setting(
         "",
         "File whose first line is the secret for the operator controls: at least 8 characters, in a file that only "
         "you can read. If empty, the environment variable MWD_PAGE_TOKEN is used; without either the page is "
         "read-only.",
-        fixed=True,
     )
     time_zone: str = setting(
         "",
         "Time zone of the rig, for example Europe/Oslo, shown on the page in addition to UTC. If empty, the page "
         "shows UTC alone.",
-        fixed=True,
     )
     language: str = setting(
         "en",
         "Language of the page for browsers in which nobody has chosen one: en, zh_CN, or that of another catalogue.",
-        fixed=True,
     )
     max_rate: float = setting(
         15.0,
@@ -49,17 +43,12 @@ class PageSettings:
         unit="Hz",
         low=0.5,
         high=20.0,
-        fixed=True,
     )
     max_clients: int = setting(
-        32,
-        "Largest number of browsers that receive updates at a time. Further browsers are refused.",
-        low=1,
-        high=500,
-        fixed=True,
+        32, "Largest number of browsers that receive updates at a time. Further browsers are refused.", low=1, high=500
     )
     max_connections: int = setting(
-        96, "Largest number of connections at a time. Further connections are refused.", low=4, high=1000, fixed=True
+        96, "Largest number of connections at a time. Further connections are refused.", low=4, high=1000
     )
     max_per_peer: int = setting(
         64,
@@ -67,7 +56,6 @@ class PageSettings:
         "many browsers share one address.",
         low=2,
         high=1000,
-        fixed=True,
     )
     request_timeout: float = setting(
         5.0,
@@ -75,7 +63,6 @@ class PageSettings:
         unit="s",
         low=0.1,
         high=60.0,
-        fixed=True,
     )
     command_timeout: float = setting(
         15.0,
@@ -83,7 +70,6 @@ class PageSettings:
         unit="s",
         low=0.5,
         high=120.0,
-        fixed=True,
     )
     send_timeout: float = setting(
         10.0,
@@ -91,5 +77,4 @@ class PageSettings:
         unit="s",
         low=0.2,
         high=120.0,
-        fixed=True,
     )

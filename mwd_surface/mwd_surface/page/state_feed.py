@@ -19,7 +19,7 @@ from aiohttp import web
 
 from mwd_surface.page.state_json import STRIPS
 
-_HEARTBEAT = 1.0  # s; longest time between two messages to a client
+_HEARTBEAT = 1.0  # longest time between two messages to a client, s
 _ON_THE_WAY = 4  # largest number of unanswered states; at 15 Hz a round trip of a quarter of a second costs no update
 
 

@@ -156,11 +156,7 @@ class StateJson:
 
 
 def _part(part: Any) -> Table | None:
-    """
-    Return a part of the state as a section: the rows of a sequence, the value of a number, else its fields.
-
-    Return None for an unknown part, which is None.
-    """
+    """Return a part of the state as a section: rows of a sequence, value of a number, fields; None stays None."""
     if isinstance(part, tuple):
         return {"rows": plain(part[:_MAX_ROWS])}
     table: Table | None = {"value": number(part)} if isinstance(part, float) else plain(part)

@@ -246,8 +246,7 @@ def _draw_spectrum(ax: Axes, item: SpectrumOf) -> None:
     ax.set_title(f"{item.topic}: {item.quantity}", loc="left", fontsize=9, pad=3)
     ax.set_xlabel(f"Hz ({spectrum.segments} averages of {spectrum.segment / spectrum.rate:.3g} s)", fontsize=9)
     ax.set_ylabel(f"{item.unit}/√Hz", fontsize=9)
-    finish_axes(ax)
-    ax.legend(fontsize=8, frameon=False)
+    finish_axes(ax, legend=True)
 
 
 def _draw_waterfall(ax: Axes, data: PlotData, item: SpectrumOf) -> None:
@@ -284,7 +283,7 @@ def _draw_allan(ax: Axes, item: AllanOf) -> None:
     for k, axis in enumerate("xyz"):
         got = figures(item.curve, k)
         white = f"{got.white * DEGREES * 60.0:.3g} deg/√h" if gyro else f"{got.white * _UG:.3g} µg/√Hz"
-        label = f"{axis}: {white}; least {got.floor * scale:.3g} {unit} at {got.floor_tau:.3g} s"
+        label = f"{axis}: {white}; lowest {got.floor * scale:.3g} {unit} at {got.floor_tau:.3g} s"
         deviation = item.curve.deviation[:, k] * scale
         ax.loglog(item.curve.tau, np.maximum(deviation, 1e-12), color=SERIES[k], linewidth=1.0, label=label)
         low, high = (np.maximum(deviation * (1.0 + s * item.curve.sigma), 1e-12) for s in (-1.0, 1.0))
@@ -297,8 +296,7 @@ def _draw_allan(ax: Axes, item: AllanOf) -> None:
     )
     ax.set_xlabel("averaging time, s", fontsize=9)
     ax.set_ylabel(f"Allan deviation, {unit}", fontsize=9)
-    finish_axes(ax)
-    ax.legend(fontsize=8, frameon=False)
+    finish_axes(ax, legend=True)
 
 
 def _duration(seconds: float) -> str:

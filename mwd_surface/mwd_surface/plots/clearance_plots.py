@@ -27,7 +27,7 @@ _ELLIPSE_SIGMAS = 2.0  # semi-axes of the error ellipses, in sigmas
 
 def ladder(found: Sequence[Clearance]) -> Figure:
     """
-    Return a figure of separation factor and distance between centres along the hole; dashed: least allowed distance.
+    Return a figure of separation factor and distance between centres along the hole; dashed: smallest allowed distance.
 
     found: clearances, the smallest separation factor first; at most twelve wells are drawn.
     """
@@ -42,7 +42,7 @@ def ladder(found: Sequence[Clearance]) -> Figure:
         distance.plot(other.distance, other.md, line, color=colour)
         distance.plot(other.allowed, other.md, "--", color=colour, linewidth=0.9)
     factor.set(xlabel=f"separation factor (drawn to {_FAR:g})", ylabel="measured depth, m", xlim=(_LOWEST, _FAR))
-    distance.set(xlabel="centre to centre, m; dashed: least allowed distance")
+    distance.set(xlabel="centre to centre, m; dashed: smallest allowed distance")
     distance.set_xlim(0.0, 1.05 * _near(found))
     factor.invert_yaxis()
     for ax in (factor, distance):

@@ -27,11 +27,13 @@ def drawer(draw: Callable[..., None], *given: Any) -> Callable[[Axes], None]:
     return lambda ax: draw(ax, *given)
 
 
-def finish_axes(ax: Axes) -> None:
-    """Give axes the common style."""
+def finish_axes(ax: Axes, *, legend: bool = False) -> None:
+    """Give axes the common style, and a legend if wanted."""
     grid(ax)
     ax.tick_params(labelsize=8)
     ax.spines[["top", "right"]].set_visible(False)
+    if legend:
+        ax.legend(fontsize=8, frameon=False)
 
 
 def grid(ax: Axes) -> None:

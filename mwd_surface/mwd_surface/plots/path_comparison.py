@@ -11,6 +11,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_surface.plots.drawing import DEGREES, SERIES, finish_axes
 from mwd_surface.trajectory.list_comparison import PathDifference
+from mwd_surface.uncertainty.position_covariance import ellipse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,16 +36,12 @@ def end_ellipses(ends: Sequence[tuple[Array, Array | None]], names: Sequence[str
         ax.plot(position[1], position[0], "o", color=colour, label=name)
         if covariance is None:
             continue
-        values, vectors = np.linalg.eigh(covariance)
-        turn = np.linspace(0.0, 2.0 * np.pi, 121)
-        circle = np.stack([np.cos(turn), np.sin(turn)])
-        around = vectors @ (_BAND * np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
-        ax.plot(position[1] + around[1], position[0] + around[0], line, color=colour, linewidth=1.2)
+        outline = ellipse(covariance, _BAND).outline()
+        ax.plot(position[1] + outline[:, 1], position[0] + outline[:, 0], line, color=colour, linewidth=1.2)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("east, m", fontsize=9)
     ax.set_ylabel("north, m", fontsize=9)
-    finish_axes(ax)
-    ax.legend(fontsize=8, frameon=False)
+    finish_axes(ax, legend=True)
     return figure
 
 
@@ -84,5 +81,4 @@ def figure_of(found: PathDifference, first: str, second: str) -> Figure:
 def _finish(ax: Axes, unit: str) -> None:
     ax.axhline(0.0, color="k", linewidth=0.7)
     ax.set_ylabel(f"difference, {unit}", fontsize=9)
-    finish_axes(ax)
-    ax.legend(fontsize=8, frameon=False)
+    finish_axes(ax, legend=True)

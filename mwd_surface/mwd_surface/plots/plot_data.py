@@ -28,7 +28,7 @@ _SURVEY, _RECORD = "mwd_msgs/msg/Survey", "mwd_msgs/msg/SurveyRecord"
 # another clock, and the time of recording is used instead.
 _OTHER_CLOCK_NS = 60 * wire.NANOSECONDS
 # An interval is still if the variation within every half second is less than these limits, rad/s and m/s^2, and less
-# than _AS_QUIET times the 10th percentile. Its least length is _STILL_S, s.
+# than _AS_QUIET times the 10th percentile. It is at least _STILL_S long, s.
 _QUIET_RATE, _QUIET_FORCE = 0.03, 0.25
 _AS_QUIET = 1.8
 _STILL_S = 10.0
@@ -120,7 +120,6 @@ def gather(
 
     Parameters
     ----------
-    bag : Bag
     what : sequence of str
         Words of `traces.WHAT`.
     given : InputSettings, optional
@@ -413,7 +412,6 @@ class Spectrum:
     ----------
     rate : float
         Sampling rate, Hz.
-    columns : int
     start_ns, end_ns : int
         Span that is divided into time bins, ns.
     segment : int
@@ -504,7 +502,6 @@ class LongAllan:
     ----------
     rate : float
         Sampling rate, Hz.
-    columns : int
     capacity : int
         Largest number of samples or means in memory; even, at least 64.
 
@@ -584,8 +581,6 @@ class Envelope:
     ----------
     start_ns, end_ns : int
         Span, ns; samples outside are ignored.
-    columns : int
-    bins : int
     circle : float
         If positive, the values are angles with this period. Each angle is changed by whole periods to the value nearest
         to the first value of its column, so that a line does not jump where the angle wraps.

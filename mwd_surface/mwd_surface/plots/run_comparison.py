@@ -12,10 +12,9 @@ from mwd_sensors.core.arrays import Array
 from mwd_surface.plots.drawing import SERIES, finish_axes, time_unit
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MOST = 6000  # least number of rows of a long run that are drawn; at most twice this number is drawn
+_MOST = 6000  # smallest number of rows drawn of a long run; at most twice this number is drawn
 _ANGLES = ("inclination_deg", "azimuth_deg")
 _NAMES = ("inclination", "azimuth")
 
@@ -74,7 +73,8 @@ def picture(ours: ComparedRun, expected: ComparedRun) -> Figure:
         (middle, "azimuth, deg"),
         (lower, f"{runs[0][0]} minus {runs[1][0]}, deg"),
     ):
-        _finish(ax, label)
+        ax.set_ylabel(label, fontsize=9)
+        finish_axes(ax, legend=True)
     lower.set_xlabel(unit, fontsize=9)
     return figure
 
@@ -103,9 +103,3 @@ def differences(ours: dict[str, Array], expected: dict[str, Array]) -> dict[str,
         apart = ours[angle] - np.degrees(np.arctan2(y, x))
         found[angle] = (apart + 180.0) % 360.0 - 180.0
     return found
-
-
-def _finish(ax: Axes, label: str) -> None:
-    ax.set_ylabel(label, fontsize=9)
-    finish_axes(ax)
-    ax.legend(fontsize=8, frameon=False)

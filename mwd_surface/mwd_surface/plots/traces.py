@@ -92,6 +92,10 @@ def _columns(*fields: str, scale: float = 1.0) -> Callable[[Samples], Array]:
     return lambda samples: np.column_stack([samples[field] * scale for field in fields]).astype(float)
 
 
+def _degrees(*fields: str) -> Callable[[Samples], Array]:
+    return _columns(*fields, scale=_DEG)
+
+
 def _gauge(*fields: str, scale: float = 1.0) -> Callable[[Samples], Array]:
     def values(samples: Samples) -> Array:
         known = {field: (samples["valid"] & wire.RIG_VALID[field]) > 0 for field in fields}
@@ -101,43 +105,14 @@ def _gauge(*fields: str, scale: float = 1.0) -> Callable[[Samples], Array]:
     return values
 
 
-def _estimate(angle: str, half_circle: bool = False) -> Callable[[Samples], Array]:
-    """Return a function that returns an angle of samples, deg, shape (n, 1); NaN if the estimator gives no angle."""
-
-    def values(samples: Samples) -> Array:
-        value = samples[angle] * _DEG
-        if half_circle:
-            value = (value + 180.0) % 360.0 - 180.0
-        return np.asarray(value)[:, None]
-
-    return values
+def _toolface(samples: Samples) -> Array:
+    """Return the gravity toolface of samples, -180 to 180 deg, shape (n, 1)."""
+    return np.asarray((samples["gravity_toolface"] * _DEG + 180.0) % 360.0 - 180.0)[:, None]
 
 
 def _sigmas(samples: Samples) -> Array:
-    fields = ("sigma_inclination", "sigma_azimuth", "sigma_gravity_toolface")
-    sigma = np.column_stack([samples[field] * _DEG for field in fields])
+    sigma = _degrees("sigma_inclination", "sigma_azimuth", "sigma_gravity_toolface")(samples)
     return np.where(sigma > 0.0, sigma, np.nan)
-
-
-def _angle(field: str, half_circle: bool = False) -> Callable[[Samples], Array]:
-    def values(samples: Samples) -> Array:
-        value = samples[field] * _DEG
-        return np.asarray(((value + 180.0) % 360.0 - 180.0 if half_circle else value)[:, None])
-
-    return values
-
-
-def _non_gravity(samples: Samples) -> Array:
-    return np.asarray(samples["non_gravity"])[:, None]
-
-
-def _interference(samples: Samples) -> Array:
-    return np.column_stack([samples["axial"], samples["cross_axial"]]) * 1e9
-
-
-def _stick_slip(samples: Samples) -> Array:
-    """Return stick-slip index and share of time at rest, 0 to 1, shape (n, 2); NaN while the string did not turn."""
-    return np.column_stack([samples["stick_slip_index"], samples["stick_share"]])
 
 
 def _count_rate(samples: Samples) -> Array:
@@ -178,14 +153,14 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
         ),
     ),
     wire.TRUTH.type_name: (
-        Trace("truth", "inclination from vertical", "deg", ("truth",), _angle("inclination"), key="inclination"),
-        Trace("truth", "azimuth from true north", "deg", ("truth",), _angle("azimuth"), circle=360.0, key="azimuth"),
+        Trace("truth", "inclination from vertical", "deg", ("truth",), _degrees("inclination"), key="inclination"),
+        Trace("truth", "azimuth from true north", "deg", ("truth",), _degrees("azimuth"), circle=360.0, key="azimuth"),
         Trace(
             "truth",
             "gravity toolface (right of high side positive)",
             "deg",
             ("truth",),
-            _angle("gravity_toolface", half_circle=True),
+            _toolface,
             circle=360.0,
             key="toolface",
         ),
@@ -202,24 +177,24 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
     ),
     wire.ATTITUDE.type_name: (
         Trace(
-            "attitude", "inclination from vertical", "deg", ("estimate",), _estimate("inclination"), key="inclination"
+            "attitude", "inclination from vertical", "deg", ("estimate",), _degrees("inclination"), key="inclination"
         ),
         Trace(
-            "attitude", "azimuth from {north} north", "deg", ("estimate",), _estimate("azimuth"), 360.0, key="azimuth"
+            "attitude", "azimuth from {north} north", "deg", ("estimate",), _degrees("azimuth"), 360.0, key="azimuth"
         ),
         Trace(
             "attitude",
             "gravity toolface (right of high side positive)",
             "deg",
             ("estimate",),
-            _estimate("gravity_toolface", half_circle=True),
+            _toolface,
             360.0,
             key="toolface",
         ),
         Trace("attitude", "stated 1 sigma", "deg", ("inclination", "azimuth", "gravity toolface"), _sigmas, log=True),
     ),
     wire.GRAVITY.type_name: (
-        Trace("attitude", "acceleration that is not gravity", "m/s²", ("level",), _non_gravity),
+        Trace("attitude", "acceleration that is not gravity", "m/s²", ("level",), _columns("non_gravity")),
         Trace("attitude", "rotary speed of the tool", "r/min", ("tool",), _columns("rotary_speed", scale=_RPM)),
     ),
     wire.DYNAMICS.type_name: (
@@ -230,7 +205,13 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
             ("lowest", "mean", "highest"),
             _columns("rotary_speed_least", "rotary_speed", "rotary_speed_most", scale=_RPM),
         ),
-        Trace("attitude", "stick-slip", "index, share", ("index", "share of time at rest"), _stick_slip),
+        Trace(
+            "attitude",
+            "stick-slip",
+            "index, share",
+            ("index", "share of time at rest"),
+            _columns("stick_slip_index", "stick_share"),
+        ),
         Trace("attitude", "vibration", "m/s² rms", ("axial", "lateral"), _columns("axial_rms", "lateral_rms")),
         Trace(
             "attitude",
@@ -242,6 +223,12 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
         Trace("attitude", "shocks in the last seconds", "count", ("shocks",), _columns("shocks")),
     ),
     wire.INTERFERENCE.type_name: (
-        Trace("attitude", "magnetic interference, estimated", "nT", ("axial (x)", "y", "z"), _interference),
+        Trace(
+            "attitude",
+            "magnetic interference, estimated",
+            "nT",
+            ("axial (x)", "y", "z"),
+            _columns("axial", "cross_axial", scale=1e9),
+        ),
     ),
 }

@@ -31,6 +31,5 @@ def trajectory_plot(found: DenseTrajectory) -> Figure:
     lower.set_ylabel("minus minimum curvature, m", fontsize=9)
     lower.set_xlabel("measured depth, m", fontsize=9)
     for ax in (upper, lower):
-        finish_axes(ax)
-        ax.legend(fontsize=8, frameon=False)
+        finish_axes(ax, legend=True)
     return figure

@@ -31,7 +31,7 @@ SCHEMA = pa.schema(
     ]
 )
 _FLOATS = [field.name for field in SCHEMA if field.type == pa.float64()]
-_GROUP_ROWS = 131_072  # least number of rows in a row group, except the last
+_GROUP_ROWS = 131_072  # smallest number of rows in a row group, except the last
 
 
 class ParquetWriter:

@@ -34,7 +34,7 @@ from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.core.mount import Mount, MountSettings, resolve
-from mwd_surface.bags.bag_reader import Bag, Block, Originals
+from mwd_surface.bags.bag_reader import Bag, Block, MessagePart
 from mwd_surface.processing.bag_input import (
     FIELDS,
     InputSettings,
@@ -70,7 +70,7 @@ class _Result:
     ----------
     output, log_ns : Output and ndarray of int64
         Results of some IMU samples, and the log times of these samples; or None.
-    originals : list of Originals
+    originals : list of MessagePart
         Messages of the bag.
     until_ns : int
         No message logged up to this time, ns, will follow; None if no such time is known.
@@ -78,7 +78,7 @@ class _Result:
 
     output: Output | None
     log_ns: NDArray[np.int64] | None = None
-    originals: list[Originals] = dataclasses.field(default_factory=list)
+    originals: list[MessagePart] = dataclasses.field(default_factory=list)
     until_ns: int | None = None
 
 
@@ -88,7 +88,6 @@ class BagEstimate:
 
     Parameters
     ----------
-    bag : Bag
     estimator, given : settings
         Settings of the estimator and of the input.
     compensation : Compensation, optional
@@ -151,7 +150,8 @@ class BagEstimate:
         Run the estimator and return the summary.
 
         sink : called with the output of each block, in order of time, in a separate thread; an exception in `sink` ends
-        the run. progress : called with the completed share, 0 to 1.
+        the run.
+        progress : called with the completed share, 0 to 1.
 
         Raises
         ------
@@ -190,7 +190,7 @@ class BagEstimate:
         taken = "is assumed to have the axes of the IMU"
         self._summary.warnings += [f"{units[unit]} {taken}: {why}" for unit, why in assumed.items()]
 
-    def _blocks(self) -> Iterator[tuple[Block, list[Originals]]]:
+    def _blocks(self) -> Iterator[tuple[Block, list[MessagePart]]]:
         """Yield the blocks of the bag, each with the unchanged messages of its time if there is a merger."""
         if self._merger is not None:
             yield from self._bag.blocks_and_originals(self.topics.all, *self._span, fields=FIELDS)
@@ -343,8 +343,8 @@ class BagEstimate:
 
         The samples of a magnetometer that is not used are left out.
 
-        block : the same samples with the log times of their messages. again : the samples were pushed before, and the
-        estimate has been restarted since.
+        block : the same samples with the log times of their messages.
+        again : the samples were pushed before, and the estimate has been restarted since.
         """
         topics = self.topics
         if not again:
@@ -392,7 +392,7 @@ class BagEstimate:
         summary.warnings += pipeline_warnings(summary, pipeline, self._estimator, self._queue.samples_are)
 
 
-def _last_log(block: Block, originals: list[Originals]) -> int:
+def _last_log(block: Block, originals: list[MessagePart]) -> int:
     """Return the log time of the last message of a block, ns; 0 if there is no message."""
     logged = [int(part[0][-1]) for part in block.values()]
     return max(logged + [int(one.log_ns[-1]) for one in originals if len(one.log_ns)], default=0)
@@ -427,8 +427,10 @@ class _Count:
     """
     Numbers of samples of one topic, in one run of the live estimator.
 
-    first_ns, last_ns : stamps of the first and the last sample used live, ns. used : number of samples used live.
-    recorded : number of samples between these stamps in the recording. recorded_from_ns : first of their stamps, ns.
+    first_ns, last_ns : stamps of the first and the last sample used live, ns.
+    used : number of samples used live.
+    recorded : number of samples between these stamps in the recording.
+    recorded_from_ns : first of their stamps, ns.
     """
 
     first_ns: int
@@ -442,7 +444,8 @@ class UsedSamples:
     """
     Counts of the samples used live and of the samples in the recording.
 
-    bag : Bag. namespace : namespace of the well, with a slash at its end.
+    bag : Bag.
+    namespace : namespace of the well, with a slash at its end.
     """
 
     def __init__(self, bag: Bag, namespace: str) -> None:
@@ -623,7 +626,8 @@ class Imu:
     """
     IMU samples ready for the estimator.
 
-    log_ns : log times of the samples, ns. followed : smoothed gravity at the samples; None without a smoother.
+    log_ns : log times of the samples, ns.
+    followed : smoothed gravity at the samples; None without a smoother.
     """
 
     samples: Samples
@@ -635,8 +639,8 @@ class ImuQueue:
     """
     Queue of IMU samples that wait for the next block or for the smoother.
 
-    smooth : settings of the method bounded, for smoothing gravity; None: no smoothing. mount : mount of the units in
-    the tool; gravity is smoothed in tool axes.
+    smooth : settings of the method bounded, for smoothing gravity; None: no smoothing.
+    mount : mount of the units in the tool; gravity is smoothed in tool axes.
     """
 
     def __init__(self, smooth: BoundedParams | None = None, mount: Mount | None = None) -> None:

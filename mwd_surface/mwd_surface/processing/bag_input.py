@@ -64,12 +64,12 @@ _ORIENTED = "imu/data"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _LOOKED_AT = 2000  # number of messages of all topics together after which frames and times are considered known
 _AVERAGED, _AVERAGED_NS = 10, 5e7  # largest number of samples, and longest time, ns, of a mean tested for gravity
-# Least mean specific force that can be gravity, in m/s2, g or mg; even a turning tool has a larger mean. The lowest
+# Smallest mean specific force that can be gravity, in m/s2, g or mg; even a turning tool has a larger mean. The lowest
 # limit in `units` is the same.
 _LEAST_GRAVITY = 0.3
-_IN_TURNS = 4  # least number of frame changes of a topic that shows that two units publish it
-# Least number of messages with equal stamps that shows that a topic has no stamps of its own, and least number of
-# samples in which missing gravity is looked for.
+_IN_TURNS = 4  # smallest number of frame changes of a topic that shows that two units publish it
+# Smallest number of messages with equal stamps that shows that a topic has no stamps of its own, and of samples in
+# which missing gravity is looked for.
 _SAME_AT_LEAST = 10
 
 
@@ -156,7 +156,9 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
         """
         Return the topic with a relative name next to the IMU, else the only topic that can belong to the same well.
 
-        The result is None if there is neither. alone : whether the only topic may have any name.
+        The result is None if there is neither.
+
+        alone : whether the only topic may have any name.
         """
         for relative in relatives if namespace is not None else ():
             if _has(bag, f"{namespace}{relative}", layout):
@@ -243,10 +245,7 @@ def wells(bag: Bag, given: InputSettings) -> list[Topics]:
 
     If an IMU is selected, or fewer than two IMUs have the usual name, there is one entry.
 
-    Raises
-    ------
-    BagError
-        See `find_topics`.
+    Raises BagError as `find_topics` does.
     """
     usual = [name for name in bag.topics if name.endswith(IMU) and _has(bag, name, wire.IMU)]
     if given.imu_topic or len(usual) < 2:
@@ -302,8 +301,9 @@ def unstamped(bag: Bag, names: Sequence[str]) -> frozenset[str]:
     """
     Return topics without times of their own: the stamps of their first messages are all zero, or all equal.
 
-    If the IMU is such a topic, a topic with a single message belongs to them if its stamp is zero. names : topics of
-    samples, the IMU first.
+    If the IMU is such a topic, a topic with a single message belongs to them if its stamp is zero.
+
+    names : topics of samples, the IMU first.
     """
     fields = {layout.type_name: () for layout in (wire.IMU, wire.MAG, wire.TEMPERATURE, wire.RIG_STATE)}
     first = next(bag.blocks(names, block_messages=_LOOKED_AT, fields=fields), {})
@@ -501,8 +501,11 @@ def _imu_of(bag: Bag, accelerometer: str | None) -> str:
     """
     Return the topic of the IMU: a topic of single messages or, if the bag has none, of bursts or of vectors.
 
-    The only IMU in a bag may have any name. accelerometer : topic known to be only the accelerometer half. Raises
-    BagError if there is no IMU, or if several topics may be the IMU.
+    The only IMU in a bag may have any name.
+
+    accelerometer : topic known to be only the accelerometer half.
+
+    Raises BagError if there is no IMU, or if several topics may be the IMU.
     """
     here = [t for t in bag.topics.values() if t.type_name == wire.IMU.type_name and t.name != accelerometer]
     # Ignore topics without messages if another topic has some.

@@ -45,7 +45,8 @@ class StationDifference:
     One station of the expected run and its counterpart.
 
     differences : by column, this run minus the expected run, deg (shares for sigmas); nan if only one run has the
-    value. words : text on differences that are not numbers; empty if there are none.
+    value.
+    words : text on differences that are not numbers; empty if there are none.
     """
 
     sequence: str
@@ -60,7 +61,8 @@ class DifferenceStatistics:
     """
     Differences of one quantity over the samples in which both runs have the quantity, deg.
 
-    count : number of these samples. known_in_one : number of samples in which only one run has the quantity.
+    count : number of these samples.
+    known_in_one : number of samples in which only one run has the quantity.
     """
 
     name: str
@@ -78,10 +80,8 @@ class Comparison:
 
     Attributes
     ----------
-    stations : tuple of StationDifference
     missing, extra : tuple of str
         Stations only in the expected run, or only in this run, as "number at depth".
-    statistics : tuple of DifferenceStatistics
     rows, rows_missing, rows_extra : int
         Number of samples in both runs; only in the expected run; only in this run.
     status_differs : int

@@ -18,9 +18,9 @@ from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Samples, Stamps
 
 _GYRO, _ACCEL = "angular_velocity", "linear_acceleration"
-# Least share of messages without a vector if the topic is one half of an IMU, and if its messages alternate.
+# Smallest share of messages without a vector if the topic is one half of an IMU, and if its messages alternate.
 _HALF, _IN_TURNS = 0.98, 0.05
-# Least number of changes between the two kinds of alternating messages; a failing sensor changes only once.
+# Smallest number of changes between the two kinds of alternating messages; a failing sensor changes only once.
 _CHANGES = 8
 # Longest gap of the accelerometer that is interpolated: the larger of a number of its intervals and a time, ns.
 _INTERVALS, _SHORTEST_NS = 5, 100_000_000
@@ -32,8 +32,8 @@ class ImuKind(StrEnum):
     """
     Vectors that the messages of an IMU topic carry.
 
-    IN_TURNS : some messages carry only the rate, others only the specific force. SOME_EMPTY : some messages carry both
-    vectors, others none.
+    IN_TURNS : some messages carry only the rate, others only the specific force.
+    SOME_EMPTY : some messages carry both vectors, others none.
     """
 
     WHOLE = "whole"

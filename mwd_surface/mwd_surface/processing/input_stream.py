@@ -40,7 +40,7 @@ from mwd_surface.processing.stream_times import PACE
 _BIN_NS = 10 * wire.NANOSECONDS
 # Largest difference of two clocks, s, at which their samples can be paired; message delays are shorter.
 _APART_S = 1.0
-# Least number of messages from which the offset of a clock can be judged, in a time bin or between two jumps.
+# Smallest number of messages from which the offset of a clock can be judged, in a time bin or between two jumps.
 _FEW = 5
 # Earliest reading of a clock that has been set, ns since the epoch (in 1989).
 CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS
@@ -60,10 +60,8 @@ class SampleStream:
 
     Parameters
     ----------
-    bag : Bag
     names : sequence of str
         Topics, the IMU first if there is one; messages without stamped samples pass unchanged.
-    given : InputSettings
     held : str
         Topic whose samples are held back until it is known whether each sample comes twice (`RepeatedSamples`), as in
         live use.
@@ -171,15 +169,8 @@ class InputStream(SampleStream):
     """
     Samples of a recording in the form that the estimator needs: complete, and in SI.
 
-    Parameters
-    ----------
-    bag : Bag
-    topics : Topics
-    given : InputSettings
-
     Attributes
     ----------
-    topics : Topics
     problems : list of StreamProblem
         Reasons why the samples read so far cannot be used, although the first samples could.
     """
@@ -247,16 +238,13 @@ class RecordingStream:
 
     Parameters
     ----------
-    bag : Bag
     names : sequence of str
         Topics of the recording; one half of an IMU also includes the other half.
-    given : InputSettings
 
     Attributes
     ----------
     names : list of str
         Resulting topics: the halves of an IMU become one topic, that of the gyro.
-    given : InputSettings
     """
 
     def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings) -> None:
@@ -447,11 +435,8 @@ def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.in
     shows the difference, so that bursts do no harm. If a clock is set during the recording, the difference has one
     course before and another after.
 
-    Raises
-    ------
-    ValueError
-        A clock runs at another speed than the recorder's, because the simulation or replay was faster or slower than
-        real time. Differences of log times are then not the times between the samples.
+    Raises ValueError if a clock runs at another speed than the recorder's, because the simulation or replay was faster
+    or slower than real time. Differences of log times are then not the times between the samples.
     """
     layouts = (wire.IMU, wire.MAG, wire.TEMPERATURE)
     courses: dict[str, list[_Course]] = {name: [] for name in names}
@@ -476,9 +461,11 @@ class _Course:
     """
     Recorder's clock minus the clock of a topic (the offset), from one jump of the offset to the next.
 
-    first_ns, last_ns : first and last log time, ns. last_offset : last offset, ns. was_set : whether the course began
-    because the clock was set, not because messages were delayed. count : number of messages. bins : least offset, ns,
-    by number of the time bin.
+    first_ns, last_ns : first and last log time, ns.
+    last_offset : last offset, ns.
+    was_set : whether the course began because the clock was set, not because messages were delayed.
+    count : number of messages.
+    bins : smallest offset, ns, by number of the time bin.
     """
 
     first_ns: int
@@ -533,7 +520,7 @@ def _without_delays(courses: list[_Course]) -> list[_Course]:
     Return the courses without those that have few messages or come from a delay; join nearly equal courses.
 
     If all courses have few messages, none is left out for that. A course comes from a delay if it is short, no set
-    clock began it, and its least offset is above that of the courses before and after.
+    clock began it, and its smallest offset is above that of the courses before and after.
     """
     courses = [course for course in courses if course.count >= _FEW] or courses
     kept: list[_Course] = []
@@ -552,7 +539,7 @@ def _without_delays(courses: list[_Course]) -> list[_Course]:
 
 
 def _knots(courses: list[_Course]) -> tuple[Stamps, NDArray[np.int64]]:
-    """Return log times and offsets, ns, of points between which the courses are interpolated."""
+    """Return log times and offsets, ns, of points; between them the offset is interpolated."""
     at_ns, offsets = [], []
     for course in courses:
         numbers = sorted(course.bins)

@@ -70,7 +70,6 @@ class Inspection:
 
     Attributes
     ----------
-    topics : Topics
     times : dict of str to StreamTimes
         Times of each topic used.
     frames : dict of str to str
@@ -120,8 +119,8 @@ class _InspectionPass:
     """
     One reading of the whole recording: the settings with which the samples were read, and the findings.
 
-    turn : axis of the IMU that points down-hole, as text, for each interval of 3 s in which the string turned. turned :
-    sum of the rotation vectors in these intervals, in axes of the IMU, rad.
+    turn : axis of the IMU that points down-hole, as text, for each interval of 3 s in which the string turned.
+    turned : sum of the rotation vectors in these intervals, in axes of the IMU, rad.
     """
 
     given: InputSettings
@@ -148,7 +147,6 @@ def inspect(
 
     Parameters
     ----------
-    bag : Bag
     given, estimator : settings
         Known facts: topics, units, place, mount.
     output : Path

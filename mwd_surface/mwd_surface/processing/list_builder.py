@@ -40,7 +40,6 @@ class ListBuilder:
 
     Parameters
     ----------
-    bag : Bag
     topics : Topics
         Topics of the well.
     estimator, given : settings
@@ -202,8 +201,10 @@ class ListBuilder:
         """
         Return the list with the decisions of people, and a text that compares this list with the live list.
 
-        The text is empty if there is no live list. revisions : revised values of surveys, computed from the whole
-        recording. A live list with the same settings has its own revisions; then only withdrawn surveys are used.
+        The text is empty if there is no live list.
+
+        revisions : revised values of surveys, computed from the whole recording. A live list with the same settings has
+        its own revisions; then only withdrawn surveys are used.
         """
         if not self._begun:
             self.surveys = self._empty(dataclasses.replace(self._well, sensor_to_bit=self.sensor_to_bit))

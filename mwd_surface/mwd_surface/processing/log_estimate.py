@@ -48,12 +48,10 @@ def computed_samples(
     """
     Return the log samples of a recording, as the live estimator computes them.
 
-    channels : log channels to compute, by name. on_survey : called with each survey of the estimator.
+    channels : log channels to compute, by name.
+    on_survey : called with each survey of the estimator.
 
-    Raises
-    ------
-    BagError, ValueError
-        See `process.process`.
+    Raises BagError, ValueError as `process.process` does.
     """
     topics = find_topics(bag, given)
     namespace = topics.imu.removesuffix("imu/data_raw").strip("/")

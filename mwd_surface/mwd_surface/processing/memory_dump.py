@@ -55,8 +55,6 @@ def dump(
         Recording of the sensors.
     path : Path
         Folder of the dump.
-    channels : dict of str to LogChannel
-    clock : DumpClock
     interval_s : int
         Interval of all channels, s.
     recorded : Recorded, optional

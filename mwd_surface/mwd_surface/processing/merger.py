@@ -14,7 +14,7 @@ from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
-from mwd_surface.bags.bag_reader import Bag, Originals
+from mwd_surface.bags.bag_reader import Bag, MessagePart
 from mwd_surface.bags.merged_bag import MergedBag
 from mwd_surface.processing.thinner import Thinner
 
@@ -43,7 +43,6 @@ class Merger:
     ----------
     path : Path
         Folder of the copy.
-    bag : Bag
     imu_topic : str
         Topic of the IMU; the estimates get the namespace of this topic and the log times of its messages.
     thinner : Thinner
@@ -76,13 +75,14 @@ class Merger:
         self,
         output: Output | None,
         log_ns: NDArray[np.int64] | None,
-        originals: list[Originals],
+        originals: list[MessagePart],
         until_ns: int | None,
     ) -> None:
         """
         Write the next results and messages.
 
-        output, log_ns : results of IMU samples, and the log time of each sample. originals : messages of the recording.
+        output, log_ns : results of IMU samples, and the log time of each sample.
+        originals : messages of the recording.
         until_ns : no message logged up to this time, ns, will follow.
         """
         for one in originals:

@@ -60,7 +60,6 @@ def process(
 
     Parameters
     ----------
-    bag : Bag
     folder : Path
         Created if it does not exist; other files in it are not changed.
     estimator, given : settings
@@ -69,7 +68,7 @@ def process(
         Called with the completed share, 0 to 1.
     compensation : Compensation, optional
         Calibration of the AHRS, applied to its samples first.
-    wanted : OutputSettings, optional recorded : Recorded, optional
+    recorded : Recorded, optional
         Settings in the recording, with which its live survey list was made.
 
     Raises
@@ -144,8 +143,8 @@ def estimate(
     """
     Run the estimator over a bag and return the summary.
 
-    sink : called with the output of each block, in order, in a separate thread. recorded : settings in the recording,
-    with which its live survey list was made.
+    sink : called with the output of each block, in order, in a separate thread.
+    recorded : settings in the recording, with which its live survey list was made.
 
     Raises
     ------

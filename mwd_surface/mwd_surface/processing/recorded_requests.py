@@ -32,8 +32,8 @@ class RecordedRequest:
     """
     One request.
 
-    stamp_ns : stamp of the last sample before the request, ns. log_ns : log time of the request's message, ns. kind :
-    kind, as text. apply : action on the pipeline.
+    stamp_ns, log_ns : stamp of the last sample before the request, and log time of the request's message, ns.
+    apply : action on the pipeline.
     """
 
     stamp_ns: int
@@ -76,7 +76,6 @@ class RecordedRequests:
 
     Parameters
     ----------
-    bag : Bag
     namespace : str
         Namespace of the well, with a slash at its end.
     begin_ns : int

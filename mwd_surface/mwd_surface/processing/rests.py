@@ -19,10 +19,10 @@ from mwd_sensors.core.arrays import Array, Samples
 from mwd_surface.processing.input_stream import StreamProblem
 
 _DEG = math.pi / 180.0
-# Least ratio of the noise of the quietest to the noisiest axis of a gyro in a wrong unit; a turning string has most of
-# the noise along its axis, so that the ratio is smaller.
+# Smallest ratio of the noise of the quietest to the noisiest axis of a gyro in a wrong unit; a turning string has most
+# of the noise along its axis, so that the ratio is smaller.
 _ALIKE = 0.4
-_FEW = 3  # least number of samples in half a second that can be judged, as for a survey
+_FEW = 3  # smallest number of samples in half a second that can be judged, as for a survey
 
 
 class Rests:
@@ -95,8 +95,8 @@ class Rests:
         """
         Judge half a second.
 
-        mean, noise, shape (6,) : mean and standard deviation of rate, rad/s, and specific force, m/s2. follows :
-        whether the half second has enough samples and directly follows the half second before.
+        mean, noise, shape (6,) : mean and standard deviation of rate, rad/s, and specific force, m/s2.
+        follows : whether the half second has enough samples and directly follows the half second before.
         """
         limit, speed = MAX_RATE * self._settings.motion, float(np.linalg.norm(mean[:3]))
         quiet = follows and bool(noise[3:].max() <= MAX_FORCE_NOISE * self._settings.motion) and math.isfinite(speed)

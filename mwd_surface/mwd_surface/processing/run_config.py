@@ -58,8 +58,9 @@ class ProcessedInput:
     """
     Recording and settings from which `mwd process` computed the results in a folder.
 
-    calibrated : whether a calibration was applied to the recording. given : settings of the input. remarks : sentences
-    about settings that this version cannot use.
+    calibrated : whether a calibration was applied to the recording.
+    given : settings of the input.
+    remarks : sentences about settings that this version cannot use.
     """
 
     recording: Path

@@ -66,7 +66,6 @@ class Summary:
         Reason why there is no survey, as text; empty if there are surveys.
     faults : list of SensorFault
         Faults of sensors, as they were found, narrowed down or cleared.
-    warnings : list of str
     files : list of str
         Names of the files written.
     mag_used : bool

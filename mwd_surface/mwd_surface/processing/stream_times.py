@@ -9,7 +9,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array, Stamps
 
-# Least length of a gap: the larger of a number of intervals and a time, s.
+# Shortest gap: the larger of a number of intervals and a time, s.
 _INTERVALS, _SHORTEST_S = 5.0, 0.1
 # _RATED: number of steps in a window, whose longest step is the interval between bursts.
 # _BURSTS: the samples come in bursts if the interval between bursts is above this multiple of the median step; a step
@@ -20,7 +20,7 @@ _OFFSET_S, _DRIFT = 1.0, 1e-4
 # A drift above PACE, s/s, shows that the run was made at another speed than real time. Smaller drifts are reported only
 # for recordings longer than _LONG_S, s.
 _LONG_S, PACE = 60.0, 0.05
-_FEW = 10  # least number of blocks for a drift
+_FEW = 10  # smallest number of blocks for a drift
 
 
 class StreamTimes:

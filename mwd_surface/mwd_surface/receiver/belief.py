@@ -4,8 +4,9 @@ Probability that a decoded word is right, and that the tool configuration is the
 
 With a wrong word table, a wrong pulse width or no tool at all, a parity holds by chance half the time and pulses lie
 between the windows of the table, or two in one window. No word can be trusted then. A table can also be right up to one
-word and wrong after it, because that word has another length. The probability of both cases is estimated from parities
-and pulses, by a Markov chain over the words (L. R. Rabiner, Proc. IEEE 77 (1989) 257); the true words are not needed.
+word and wrong after it, because that word has another length. A second tool may send, and fall silent later. The
+probability of these cases is estimated from parities, pulses and the sizes of the syncs, by a Markov chain over the
+words (L. R. Rabiner, Proc. IEEE 77 (1989) 257); the true words are not needed.
 """
 
 from __future__ import annotations
@@ -13,14 +14,29 @@ from __future__ import annotations
 import dataclasses
 import math
 
-# Prior probability that the table is wrong from the first word on.
-_FAILING = 0.06
-# Prior of a wrong table for a transmission after one with a right table, as a share of `_FAILING`. The share is not
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+
+# Prior probabilities that the table is wrong from the first word on, and that a second tool of the same kind starts
+# together with the first.
+_FAILING, _SECOND_TOOL = 0.05, 0.01
+# Priors of a transmission after one with a right table and a single tool, as a share of those above. The share is not
 # smaller, because another sequence, a second tool or a false sync remain possible.
 _ANEW = 0.25
 # Probability that the table becomes wrong at a word, because that word is longer or shorter than in the table, or that
-# a second tool begins; and that a wrong table becomes right again, for example after a disturbance of several words.
+# a second tool begins, and that a second tool falls silent; and that a wrong table becomes right again, for example
+# after a disturbance of several words.
 _BECOMES_WRONG, _BECOMES_RIGHT = 0.002, 0.02
+# States of the chain: a right table and a single tool, a wrong table, or two tools; the rows are the states before.
+_RIGHT, _WRONG, _TWO = range(3)
+_CHANGES = np.array(
+    [
+        [1.0 - _BECOMES_WRONG, _BECOMES_WRONG, 0.0],
+        [_BECOMES_RIGHT, 1.0 - _BECOMES_RIGHT, 0.0],
+        [_BECOMES_WRONG, 0.0, 1.0 - _BECOMES_WRONG],
+    ]
+)
 # Least confidence with which a word of a survey and a word of a toolface sequence are believed.
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
 # Probability that a word does not fit although the table is right, so that one odd word in a hundred does not decide.
@@ -30,11 +46,11 @@ _SLIP = 0.01
 _MOST_FIT = 0.5
 
 
-# Probability that a second tool of the same kind starts together with the first. The sizes of the pulses of their syncs
-# together, relative to those of one tool, are evenly distributed: the second tool is nearer or farther. The pulses of a
-# single tool change their size by this share (1 sigma), because the well changes.
-_SECOND_TOOL, _SYNC_SIZES, _SIZE_CHANGES = 0.01, (1.25, 2.25), 0.07
-# Greatest log likelihood ratio for a second tool by the size of the sync: the parities can speak against it.
+# Sizes of the pulses of the syncs of two tools together, relative to those of one tool: evenly distributed, because the
+# second tool is nearer or farther. The pulses of a single tool change their size by this share (1 sigma), because the
+# well changes.
+_SYNC_SIZES, _SIZE_CHANGES = (1.25, 2.25), 0.07
+# Greatest log likelihood ratio for a second tool by the size of a sync: the parities of the words can outweigh it.
 _MOST_SECOND = 8.0
 
 
@@ -77,10 +93,28 @@ class Judged:
 
 
 class Doubt:
-    """Probability that the table is wrong, updated with the parities and the pulses of each decoded word."""
+    """
+    Probabilities that the table is wrong, and that two tools send, updated with each decoded word and each sync.
 
-    def __init__(self, prior: float = _FAILING) -> None:
-        self._odds = math.log(1.0 / prior - 1.0)
+    Parameters
+    ----------
+    share : float, optional
+        Share of the prior probabilities with which the doubt begins.
+    """
+
+    def __init__(self, share: float = 1.0) -> None:
+        wrong, two = share * _FAILING, share * _SECOND_TOOL
+        self._chances = np.array([1.0 - wrong - two, wrong, two])
+
+    @property
+    def failing(self) -> float:
+        """Probability that the last word is meaningless: wrong table or pulse width, no tool, or a second tool."""
+        return float(self._chances[_WRONG] + self._chances[_TWO])
+
+    @property
+    def two_tools(self) -> float:
+        """Probability that a second tool sends, which is a part of `failing`."""
+        return float(self._chances[_TWO])
 
     def following(self) -> Doubt:
         """
@@ -89,57 +123,54 @@ class Doubt:
         Parities that held lower the prior of the next transmission. Parities that failed do not raise it, because the
         next sync may be right after a false one.
         """
-        return Doubt(_FAILING * (_ANEW + (1.0 - _ANEW) * min(self.failing / _FAILING, 1.0)))
+        return Doubt(_ANEW + (1.0 - _ANEW) * min(self.failing / (_FAILING + _SECOND_TOOL), 1.0))
 
-    @property
-    def failing(self) -> float:
-        """Probability that the table is wrong at the last word: another table, another pulse width, or no tool."""
-        return 1.0 - _probability(self._odds)
+    def hear_sync(self, size: float, sigma: float) -> None:
+        """
+        Add the evidence of a sync for or against a second tool that starts with it.
+
+        Parameters
+        ----------
+        size, sigma : float
+            Size of the pulses of the sync relative to those of the words after it, and its 1 sigma; infinite if it is
+            unknown.
+        """
+        ratio = min(_sync_evidence(size, sigma), _MOST_SECOND)
+        chances = self._chances.copy()
+        # A sync of the usual size excludes the second tool. Otherwise its small probability would grow with each word
+        # of a wrong parity, whose pulses lie in the windows, too.
+        chances[_TWO] = max(chances[_TWO], _SECOND_TOOL * chances[_RIGHT]) * math.exp(ratio) if ratio >= 0.0 else 0.0
+        self._chances = chances / chances.sum()
 
     def learn(self, words: list[Soft]) -> list[float]:
         """
-        Add decoded words; return the probability of each that the table is right at this word and that its pulses fit.
+        Add decoded words; return the probability of each that it has a meaning and that its pulses fit.
 
         Later words count for earlier ones, too: a word between words whose pulses do not fit is not trusted.
         """
+        likelihoods = [_likelihoods(word) for word in words]
         forward = []
-        evidence = [_evidence(word) for word in words]
-        for one in evidence:
-            right = _probability(self._odds)
-            right = right * (1.0 - _BECOMES_WRONG) + (1.0 - right) * _BECOMES_RIGHT
-            self._odds = math.log(right / (1.0 - right)) + one
-            forward.append(self._odds)
-        trusted, later = [], 0.0
-        for word, odds, one in zip(reversed(words), reversed(forward), reversed(evidence), strict=True):
+        for one in likelihoods:
+            chances = (self._chances @ _CHANGES) * one
+            self._chances = chances / chances.sum()
+            forward.append(self._chances)
+        trusted, later = [], np.ones(len(_CHANGES))
+        for word, chances, one in zip(reversed(words), reversed(forward), reversed(likelihoods), strict=True):
             fits = 1.0 if math.isnan(word.fits) else _probability(word.fits + math.log(1.0 / _SLIP - 1.0))
-            trusted.append(_probability(odds + later) * fits)
-            ahead = math.exp(one + later)
-            stays, turns = 1.0 - _BECOMES_WRONG, 1.0 - _BECOMES_RIGHT
-            later = math.log((stays * ahead + _BECOMES_WRONG) / (_BECOMES_RIGHT * ahead + turns))
+            trusted.append(float(chances[_RIGHT] * later[_RIGHT] / (chances @ later)) * fits)
+            later = _CHANGES @ (one * later)
+            later /= later.sum()
         return trusted[::-1]
 
 
-def second_tool(size: float, sigma: float, words: list[Soft]) -> float:
-    """
-    Return the probability that a second tool sends at the same time; 0 if `sigma` is not finite.
-
-    Parameters
-    ----------
-    size, sigma : float
-        Size of the pulses of the sync relative to those of the words, and its 1 sigma.
-    words : list of Soft
-        Words after the sync: parities that hold speak for a single tool.
-    """
+def _sync_evidence(size: float, sigma: float) -> float:
+    """Return the log likelihood ratio of a second tool by the size of a sync; arguments as in `Doubt.hear_sync`."""
     if not math.isfinite(sigma):
         return 0.0
     spread = math.sqrt(2.0 * (sigma**2 + _SIZE_CHANGES**2))
     low, high = (math.erf((size - edge) / spread) for edge in _SYNC_SIZES)
     two = max(0.5 * (low - high) / (_SYNC_SIZES[1] - _SYNC_SIZES[0]), 1e-300)
-    ratio = math.log(two) + ((size - 1.0) / spread) ** 2 + math.log(spread * math.sqrt(math.pi))
-    parities = sum(_evidence(dataclasses.replace(word, fits=math.nan)) for word in words)
-    # A single tool has the right table, or a wrong one, whose parities say nothing.
-    single = math.log(math.exp(parities) + _FAILING)
-    return _probability(min(ratio, _MOST_SECOND) - single - math.log(1.0 / _SECOND_TOOL - 1.0))
+    return math.log(two) + ((size - 1.0) / spread) ** 2 + math.log(spread * math.sqrt(math.pi))
 
 
 def _probability(odds: float) -> float:
@@ -147,11 +178,13 @@ def _probability(odds: float) -> float:
     return 1.0 / (1.0 + math.exp(-min(max(odds, -500.0), 500.0)))
 
 
-def _evidence(word: Soft) -> float:
-    """Return the log likelihood ratio of a word for a right table against a wrong table."""
+def _likelihoods(word: Soft) -> Array:
+    """Return the likelihood of a word in each state of the chain, relative to a wrong table; shape (3,)."""
     parity = 0.0 if word.holds is None else math.log((_SLIP + (1.0 - 2.0 * _SLIP) * word.holds) / 0.5)
     fits = 0.0 if math.isnan(word.fits) else min(word.fits, _MOST_FIT)
-    return math.log((1.0 - _SLIP) * math.exp(parity + fits) + _SLIP)
+    # Pulses of two tools that start together lie in the windows, too, but their parities hold by chance.
+    right, two = ((1.0 - _SLIP) * math.exp(one + fits) + _SLIP for one in (parity, 0.0))
+    return np.array([right, 1.0, two])
 
 
 def judge(word: Soft, trusted: float) -> Judged:

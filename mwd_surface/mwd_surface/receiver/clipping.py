@@ -186,9 +186,9 @@ def unclipped(value: Array, sides: Array, order: int) -> Array:
     out = value.copy()
     if not at.size or len(value) - at.size < 4 * order:
         return out
-    taps, ones = np.empty(order + 2), np.ones(len(value))
     for _ in range(_ROUNDS):
-        if prediction_error_filter(out, ones, order, _FLOOR, taps) <= 0.0:
+        taps, size = prediction_error_filter(out, np.ones(len(value)), order, _FLOOR)
+        if size <= 0.0:
             return value.copy()
         out[at] = _most_probable(out, value, sides, at, np.correlate(taps, taps, "full")[len(taps) - 1 :])
     return out

@@ -84,7 +84,6 @@ class Grid:
         ----------
         position, pace : float
             Position of the first value, and distance from one value to the next, steps.
-        count : int
 
         Returns
         -------
@@ -111,7 +110,7 @@ class Grid:
 # switch has failed. A counter that misses 5 % of the strokes misses two in a row every few minutes, and four in a row
 # hardly ever.
 _PAUSE = 4.5
-_LEAST = 8  # least number of strokes to determine the rate of a pump
+_LEAST = 8  # smallest number of strokes to determine the rate of a pump
 # Widths of the smoothing of strokes that are tried, 1 sigma, strokes.
 _SMOOTHED = (1.0, 2.0, 4.0, 8.0)
 # Significance level at which a line is attributed to a pump.

@@ -62,8 +62,8 @@ class SteadyTimes:
         -------
         time_s, value : ndarray, shape (m,)
             A sample whose time jumps is returned after the next sample has confirmed the jump; a sample whose time is
-            not finite is dropped. After a jump back, or
-            forward by more than `LONGEST_GAP_S`, the times continue from the last time before the jump.
+            not finite is dropped. After a jump back, or forward by more than `LONGEST_GAP_S`, the times continue from
+            the last time before the jump.
         """
         time, rows = np.asarray(time_s, dtype=float), np.asarray(value, dtype=float)
         if self._unconfirmed is None and len(time):

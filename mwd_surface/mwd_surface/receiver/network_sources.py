@@ -29,7 +29,7 @@ from mwd_surface.rig.wits import format as wits
 
 _RETRY_S = 2.0  # time between two attempts to connect, s
 _MOST_AT_ONCE = 1 << 20  # bytes read per call
-_LONGEST_LINE = 4096  # bytes; a longer line is not a row of a table
+_LONGEST_LINE = 4096  # longest line that can be a row of a table, bytes
 _HEAD_LINES = 20  # number of first lines from which the format is determined
 _LONGEST_HEAD = 2000  # largest number of lines that are kept while their format is not known
 _SILENT_LINES = 20  # number of lines in a row without a pressure that is reported as a failure
@@ -83,7 +83,6 @@ class TcpClient:
 
     Parameters
     ----------
-    host, port : str, int
     keep_alive : bytes
         Bytes sent every half minute, for servers that drop a silent client.
     """
@@ -181,7 +180,6 @@ class LineSource(_OfStream):
 
     Parameters
     ----------
-    stream : Pipe or TcpClient
     columns : mapping of str
         Columns as `pressure_table.columns_of` reads them, by number or by the name in a first line; if empty, a first
         line must name time and pressure with their units. Without a time, the time of arrival counts.
@@ -342,10 +340,8 @@ class WitsSource(_OfStream):
 
     Parameters
     ----------
-    stream : TcpClient
     columns : mapping of str
         The item and its unit, such as {"pressure_psi": "0121"}.
-    clock : callable
 
     Raises
     ------
@@ -386,7 +382,6 @@ class OpcUaSource:
 
     Parameters
     ----------
-    url : str
     columns : mapping of str
         The node and its unit, such as {"pressure_bar": "ns=2;s=SPP"}.
     sampling_ms : float

@@ -45,7 +45,6 @@ def figure_of(
     Parameters
     ----------
     time_s, pressure_pa : ndarray, shape (n,)
-    words : sequence of ReceivedWord
     tool : ToolConfiguration
         Tool configuration: its pulses are drawn on the last survey, and it sets the range of the spectrum.
     quantity : PictureQuantity

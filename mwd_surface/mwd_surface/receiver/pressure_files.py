@@ -116,17 +116,15 @@ def _check_times(path: Path, time: Array) -> None:
     """
     Refuse times whose even grid would have far more samples than the file.
 
-    Raises
-    ------
-    ValueError
-        A step is longer than any pause, the usual step is too long for telemetry, the duration is longer than
-        `budgets.PRESSURE` allows, or more than a day and most of the duration is gaps.
+    Raises ValueError if a step is longer than any pause, the usual step is too long for telemetry, the duration is
+    longer than `budgets.PRESSURE` allows, or more than a day and most of the duration is gaps.
     """
     steps = np.diff(time)
-    longest = float(steps.max())
+    longest, at_s = float(steps.max()), float(time[steps.argmax()] - time[0])
     if longest > _LONGEST_GAP_S:
         raise ValueError(
-            f"{path}: the time jumps by {longest:.6g} s, probably because the clock was set; cut the file there"
+            f"{path}: the time jumps by {longest:.6g} s, {at_s:.6g} s after the start, probably because the clock was "
+            "set; cut the file there"
         )
     try:
         budgets.PRESSURE.check("seconds", float(time[-1] - time[0]))

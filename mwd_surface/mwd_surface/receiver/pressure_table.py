@@ -73,7 +73,7 @@ _ELSEWHERE = re.compile(
 )
 _PUMP = re.compile(r"^(?:pump|pump no|pump number|泵)\b")
 _QUALITY = re.compile(r"^(?:quality|qual|status|state|qualität)\b")
-_BAD_QUALITY = 64  # least quality of a good sample, for OPC quality numbers and for percent
+_BAD_QUALITY = 64  # lowest quality of a good sample, for OPC quality numbers and for percent
 _GOOD_QUALITIES = {192.0, 216.0, 100.0}
 # Column names in a table that has a separate row for each value of each measured quantity (tag).
 _TAG = re.compile(
@@ -138,7 +138,6 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
 
     Parameters
     ----------
-    path : Path
     gauge : int
         Number of the pressure column among all pressure columns, from 1.
     columns : mapping of str
@@ -343,10 +342,7 @@ class _TableFile:
         Return None if the rows of the table are not values of tags. The tag is the one that the caller names, or the
         pressure of the given gauge, from 1, by the names and units of all tags.
 
-        Raises
-        ------
-        ValueError
-            No tag is a pressure.
+        Raises ValueError if no tag is a pressure.
         """
         import pyarrow.compute as pc
 
@@ -580,7 +576,7 @@ class _TableFile:
         return columns
 
     def _table_cells(self, numbers: Sequence[int]) -> list[list[str]]:
-        """Return the cells of columns of a spreadsheet."""
+        """Return columns of a spreadsheet as lists of texts; rows that are too short are left out."""
         rows = [row.cells for row in self._table.rows if len(row.cells) > max(numbers)]
         return [[repr(row[k]) if isinstance(row[k], float) else str(row[k]) for row in rows] for k in numbers]
 

@@ -24,7 +24,7 @@ from mwd_surface.receiver.whitening import prediction_error_filter
 # words with healthy pumps.
 _STANDS_OUT = 200.0
 _MOST_LINES = 16  # largest number of lines
-# Least power of a line relative to the power of the noise in the average of the line. Subtracting a weaker line adds
+# Lowest power of a line relative to the power of the noise in the average of the line. Subtracting a weaker line adds
 # more noise than it removes.
 _COHERENT = 4.0
 # Harmonics of counted strokes: their number, their upper limit as a share of the highest frequency, and the factor of
@@ -46,11 +46,25 @@ def _window(length: int) -> Array:
     return np.asarray(np.hanning(length))
 
 
-def line_frequencies(noise: Array) -> Array:
+def line_frequencies(
+    noise: Array, stands_out: float = _STANDS_OUT, band: tuple[float, float] = (0.0, math.pi)
+) -> Array:
     """
     Return the frequencies of the spectral lines in the noise, strongest first.
 
-    noise, shape (n,): pressure without its pulses, Pa. Returns shape (k,), rad per sample.
+    Parameters
+    ----------
+    noise : ndarray, shape (n,)
+        Samples without the signal of the tool.
+    stands_out : float
+        Least ratio of the power of a line to the spectral floor.
+    band : (float, float)
+        Lowest and highest frequency, rad per sample.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Frequencies, rad per sample, at most `_MOST_LINES`; none if the samples are too few to find the floor.
     """
     # The first difference removes the slope of 1/f noise, so that the noise floor is flat.
     step = np.diff(noise)
@@ -64,7 +78,9 @@ def line_frequencies(noise: Array) -> Array:
     floor = np.interp(np.arange(len(power)), at, floors)
     inner = power[2:-2]
     peak = (inner >= power[1:-3]) & (inner >= power[3:-1]) & (inner > power[:-4]) & (inner > power[4:])
-    found = 2 + np.flatnonzero(peak & (inner > _STANDS_OUT * floor[2:-2]))
+    found = 2 + np.flatnonzero(peak & (inner > stands_out * floor[2:-2]))
+    low, high = np.array(band) * whole / (2.0 * math.pi)
+    found = found[(found >= low) & (found <= high)]
     found = found[np.argsort(-power[found] / np.maximum(floor[found], 1e-300), kind="stable")][:_MOST_LINES]
     # Interpolate the frequency of a Hann-windowed line from the amplitudes next to its largest one.
     left, middle, right = (np.sqrt(power[found + k]) for k in (-1, 0, 1))
@@ -174,10 +190,11 @@ def pump_noise(
     plain = lines(noise, known, memory, np.zeros((0, len(noise))))
     if angles is None or not len(angles):
         return plain, False
-    # If the counter has jitter, or the pumps beat, subtraction with the strokes can be worse than without them.
+    # If the counter has jitter, or two pumps have nearly the same rate, subtraction with the strokes can be worse than
+    # without them.
     counted = lines(noise, known, memory, angles)
-    taps, root = np.empty(_ORDER + 2), np.sqrt(known)
-    unexplained = [prediction_error_filter(noise - one, root, _ORDER, _FLOOR, taps) for one in (plain, counted)]
+    root = np.sqrt(known)
+    unexplained = [prediction_error_filter(noise - one, root, _ORDER, _FLOOR)[1] for one in (plain, counted)]
     # The fitted harmonics also follow noise; estimate the share of its variance that their coefficients explain.
     fitted = 2.0 * _MOST_HARMONICS * len(angles) * len(noise) / (2.0 * math.sqrt(math.pi) * _STROKES_HOLD * memory)
     share = 1.0 - min(fitted / max(float(known.sum()), 1.0), 0.5)

@@ -36,7 +36,6 @@ def read(path: Path, link: str, topic: str = "") -> RecordedLink:
 
     Parameters
     ----------
-    path : Path
     link : str
         mud_pulse, em, coil or serial.
     topic : str

@@ -22,9 +22,9 @@ from mwd_surface.receiver.clipping import Declipper
 # of 2 TU has 2 % of its energy above that.
 _HALF_STEPS = 10.0
 _CUT_OFF = 0.2
-# Least deviation of a spike from the interpolation, in usual deviations; and range of the deviation of its neighbours
-# in the opposite direction, as a share of the spike, which enters their interpolation with a weight of two thirds. The
-# neighbours of a steep pulse deviate in the direction of the pulse.
+# Smallest deviation of a spike from the interpolation, in usual deviations; and range of the deviation of its
+# neighbours in the opposite direction, as a share of the spike, which enters their interpolation with a weight of two
+# thirds. The neighbours of a steep pulse deviate in the direction of the pulse.
 _SPIKE, _SPIKE_SHARES = 8.0, (0.4, 0.9)
 # Number of samples over which the usual deviation is averaged, and largest deviation that enters the average, in usual
 # deviations.

@@ -73,14 +73,7 @@ class GaugeSettings:
     )
 
     def __post_init__(self) -> None:
-        """
-        Check the scale.
-
-        Raises
-        ------
-        ValueError
-            Both ends of the scale are the same.
-        """
+        """Raise ValueError if both ends of the scale are the same."""
         if self.count_4_ma == self.count_20_ma or self.pressure_4_ma == self.pressure_20_ma:
             raise ValueError("count_20_ma, pressure_20_ma: must differ from those at 4 mA")
 
@@ -99,7 +92,6 @@ class ModbusGauge:
 
     Parameters
     ----------
-    settings : GaugeSettings
     clock : callable
         Returns the present time, s.
     """
@@ -282,8 +274,6 @@ class SerialBytes:
 
     Parameters
     ----------
-    port : str
-    baud : int
     clock : callable
         Returns the present time, s.
     """

@@ -39,8 +39,8 @@ UNITS = {
     "days": 86_400.0,
 }
 _DAY_S = 86_400.0
-# Units of times since an epoch: least number, and unit, s. For the years 2001 to 2100 the size of the numbers
-# distinguishes Unix ns, 100 ns (Windows, .NET), Unix us, ms and s.
+# Units of times since an epoch: the number above which a unit is used, and the unit, s. For the years 2001 to 2100 the
+# size of the numbers distinguishes Unix ns, 100 ns (Windows, .NET), Unix us, ms and s.
 _EPOCHS = ((9e17, 1e-9), (1e17, 1e-7), (1e14, 1e-6), (1e11, 1e-3), (1e8, 1.0))
 # Numbers above `_SERIAL` with steps below `_SERIAL_STEP` (9 s) are days since 1900 (spreadsheets) or since year 0.
 _SERIAL, _SERIAL_STEP = 2e4, 1e-4
@@ -118,8 +118,8 @@ def clock_of_digits(numbers: Array) -> Array | None:
     """
     Return the seconds of the day of numbers HHMMSS.ff; None unless their steps show that they are a clock.
 
-    Numbers are a clock if none has more than 59 minutes or seconds and the minute goes from 59 s to 100, as from
-    5959.99 to 10000, in the usual step of the clock. Within one minute a clock and plain seconds have the same steps.
+    Numbers are a clock if none has more than 59 minutes or seconds, and if a new minute or hour (5959.99 to 10000)
+    comes after the usual step of the clock. Within one minute a clock and plain seconds have the same steps.
     """
     known = np.isfinite(numbers)
     own = numbers[known]

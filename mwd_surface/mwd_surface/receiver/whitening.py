@@ -2,10 +2,9 @@
 """
 Whitening of noise: an autoregressive model of the pressure that pulses do not explain, and its prediction error filter.
 
-The model describes either the first difference, which removes standpipe pressure and its drift, or the pressure minus
-most of the previous value, which keeps the low frequencies of a steady pressure. Sources: S. M. Kay, Modern Spectral
-Estimation, 1988, section 7.3 (autocorrelation method, Levinson); H. Akaike, A new look at the statistical model
-identification, IEEE Trans. Autom. Control 19 (1974) 716 (order: each coefficient costs one nat).
+The model describes the first difference, which removes standpipe pressure and its drift. Sources: S. M. Kay, Modern
+Spectral Estimation, 1988, section 7.3 (autocorrelation method, Levinson); H. Akaike, A new look at the statistical
+model identification, IEEE Trans. Autom. Control 19 (1974) 716 (order: each coefficient costs one nat).
 """
 
 from __future__ import annotations
@@ -33,12 +32,10 @@ def prediction_error_filter(
     weight: Array,
     order: int,
     floor: float,
-    out: Array,
-    kept: float = 1.0,
     unsure: Array | None = None,
-) -> float:
+) -> tuple[Array, float]:
     """
-    Fill the filter that turns noise into white noise of unit variance.
+    Return the filter that turns noise into white noise of unit variance, and the size of the noise.
 
     Parameters
     ----------
@@ -50,16 +47,14 @@ def prediction_error_filter(
         Highest order of the autoregressive model of the difference.
     floor : float
         White noise added to the model, as a share of its variance, so that empty bands are not amplified.
-    out : ndarray, shape (order + 2,)
-        Coefficients of the filter; the first belongs to the newest sample.
-    kept : float
-        Share of the previous sample that is subtracted. Below 1 the noise must have zero mean.
     unsure : ndarray, shape (order + 2,), optional
         Autocorrelation, Pa^2 summed over the samples, of the error of the pulses that were subtracted; it is added to
         the autocorrelation of the noise.
 
     Returns
     -------
+    ndarray, shape (order + 2,)
+        Coefficients of the filter; the first belongs to the newest sample.
     float
         Standard deviation of the innovation, Pa; 0 if the noise is constant or has too few samples for `order`.
     """
@@ -70,24 +65,24 @@ def prediction_error_filter(
     for i in range(n):
         count += weight[i] * weight[i]
         if i > 0:
-            step[i] = (noise[i] - kept * noise[i - 1]) * weight[i]
+            step[i] = (noise[i] - noise[i - 1]) * weight[i]
     for k in range(order + 1):
         for i in range(1, n - k):
             lags[k] += step[i] * step[i + k]
     if unsure is not None:
         for k in range(order + 1):
-            lags[k] += (1.0 + kept * kept) * unsure[k] - kept * (unsure[abs(k - 1)] + unsure[k + 1])
-    out[:] = 0.0
+            lags[k] += 2.0 * unsure[k] - unsure[abs(k - 1)] - unsure[k + 1]
+    out = np.zeros(order + 2)
     if count < 2.0 * order or lags[0] <= 0.0:
-        return 0.0
+        return out, 0.0
     lags /= count
     lags[0] *= 1.0 + floor
     best = np.zeros(order + 1)
     sigma = float(np.sqrt(_predicted(lags, count, best)))
     for i in range(order + 1):
         out[i] += best[i] / sigma
-        out[i + 1] -= kept * best[i] / sigma
-    return sigma
+        out[i + 1] -= best[i] / sigma
+    return out, sigma
 
 
 @compiled
@@ -117,13 +112,15 @@ def _predicted(lags: Array, count: float, best: Array) -> float:
 
 
 @compiled
-def filtered(x: Array, taps: Array, out: Array) -> None:
-    """Apply a causal filter and fill out, shape (n,). Before its first sample x counts as constant."""
+def filtered(x: Array, taps: Array) -> Array:
+    """Return x, shape (n,), after a causal filter. Before its first sample x counts as constant."""
+    out = np.empty(len(x))
     for i in range(len(x)):
         total = 0.0
         for k in range(len(taps)):
             total += taps[k] * x[max(i - k, 0)]
         out[i] = total
+    return out
 
 
 def steadiness(noise: Array, known: Array) -> Array:
@@ -228,12 +225,12 @@ def steady_filter(pressure: Array, known: Array, order: int, floor: float) -> Ar
     ndarray, shape (order + 2,), or None
         None if the pressure is constant or mostly unknown.
     """
-    taps, whitened = np.empty(order + 2), np.empty(len(pressure))
     # A starting pump outweighs all steady noise; without this weighting the first model would describe the pump.
     weight = steadiness(np.diff(pressure, prepend=pressure[:1]), known)
     for _ in range(_ROUNDS):
-        if prediction_error_filter(pressure, weight, order, floor, taps) <= 0.0:
+        taps, size = prediction_error_filter(pressure, weight, order, floor)
+        if size <= 0.0:
             return None
-        filtered(pressure, taps, whitened)
+        whitened = filtered(pressure, taps)
         weight = steadiness(whitened, known)
     return np.asarray(taps / np.sqrt(np.sum(weight * whitened**2) / np.sum(weight)))

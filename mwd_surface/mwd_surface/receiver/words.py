@@ -31,7 +31,6 @@ class ReceivedWord:
         Number of the pass of the sequence (all its words sent once), from 0, and index of the word in the pass.
     kind : str
         Kind of the sequence in which the word came: "survey" or "toolface".
-    name, unit : str
     raw : int
         Most probable code.
     value : float
@@ -155,7 +154,7 @@ def received(
     tool: ToolConfiguration, item: SequenceItem, judged: Judged, span: tuple[float, float], place: WordPlace
 ) -> ReceivedWord:
     """
-    Return a received word from its judged codes.
+    Return a received word, made from its decoded code and the confidence in it.
 
     span: begin and end of the word, s.
     """

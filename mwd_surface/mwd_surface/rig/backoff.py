@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import random
 
 from mwd_sensors.core.settings import setting
 
@@ -19,7 +20,6 @@ class Backoff:
         unit="s",
         low=0.01,
         high=60.0,
-        fixed=True,
     )
     longest: float = setting(
         30.0,
@@ -28,14 +28,13 @@ class Backoff:
         unit="s",
         low=0.01,
         high=600.0,
-        fixed=True,
     )
 
-    def wait(self, failures: int, chance: float) -> float:
+    def wait(self, failures: int) -> float:
         """
-        Return the wait before the next attempt, s.
+        Return the wait before the next attempt, s, after so many consecutive failures, 1 or more.
 
-        failures: number of consecutive failures minus 1. chance: random number, 0 to 1; the wait is multiplied by 0.5 +
-        0.5 chance, so that several units do not retry at the same time.
+        The wait has a random factor, so that several units do not retry at the same time.
         """
-        return float(min(self.longest, self.first * 2.0 ** min(failures, 30)) * (0.5 + 0.5 * chance))
+        share = random.uniform(0.5, 1.0)  # noqa: S311 (spreads waits; nothing secret)
+        return float(min(self.longest, self.first * 2.0 ** min(failures - 1, 30)) * share)

@@ -16,7 +16,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
-from mwd_surface.surveys.depth import DepthRules, DepthTrack
+from mwd_surface.surveys.depth import DepthJumpRules, DepthRules, DepthTrack
 
 # Possible range of each value on a rig, SI.
 PLAUSIBLE: dict[str, tuple[float, float]] = {
@@ -34,41 +34,12 @@ _SET_BACK_NS = 60 * NANOSECONDS  # a stamp earlier than the last one by more tha
 
 
 @dataclasses.dataclass(frozen=True)
-class RigInputSettings:
+class RigInputSettings(DepthJumpRules):
     """Rules for the acceptance of rig data."""
 
-    accept: bool = setting(False, "Accept rig data that peers send. If false, they are ignored.", fixed=True)
-    fastest: float = setting(
-        5.0,
-        "Fastest plausible speed of the string. A faster change of depth is rejected until further readings "
-        "confirm it.",
-        unit="m/s",
-        low=0.1,
-        fixed=True,
-    )
-    slack: float = setting(
-        2.0,
-        "Change of depth that is always plausible, however short the time. Raise it for a depth that is sent in "
-        "coarse steps.",
-        unit="m",
-        low=0.0,
-        fixed=True,
-    )
-    confirm: int = setting(
-        3,
-        "Number of consistent readings in a row that confirm a jump of depth. Raising it delays true corrections.",
-        low=1,
-        fixed=True,
-    )
-    deepest: float = setting(
-        20000.0, "Largest plausible depth. A larger reading is rejected.", unit="m", low=1.0, fixed=True
-    )
+    accept: bool = setting(False, "Accept rig data that peers send. If false, they are ignored.")
     slips_hookload: float = setting(
-        0.0,
-        "Hookload below which the string is in slips. 0: not known, so slips are not reported.",
-        unit="N",
-        low=0.0,
-        fixed=True,
+        0.0, "Hookload below which the string is in slips. 0: not known, so slips are not reported.", unit="N", low=0.0
     )
     max_rate: float = setting(
         20.0,
@@ -77,7 +48,6 @@ class RigInputSettings:
         unit="Hz",
         low=0.1,
         high=100.0,
-        fixed=True,
     )
 
 
@@ -86,9 +56,10 @@ class RigInputCounts:
     """
     Counts of rig data.
 
-    taken: samples returned. refused: impossible values, and depths of a bit below the bottom of the hole. held: depth
-    readings that were not accepted because they jump or have an earlier stamp, and are not confirmed. hurried: sets of
-    readings dropped because their stamp is earlier than the last sample, or too soon after it.
+    taken: samples returned.
+    refused: impossible values, and depths of a bit below the bottom of the hole.
+    held: depth readings that were not accepted because they jump or have an earlier stamp, and are not confirmed.
+    hurried: sets of readings dropped because their stamp is earlier than the last sample, or too soon after it.
     """
 
     taken: int = 0
@@ -103,13 +74,8 @@ class RigInput:
     def __init__(self, settings: RigInputSettings | None = None) -> None:
         self.settings = settings or RigInputSettings()
         self.counts = RigInputCounts()
-        rules = DepthRules(
-            fastest=self.settings.fastest,
-            slack=self.settings.slack,
-            confirm=self.settings.confirm,
-            deepest=self.settings.deepest,
-            history=10,
-        )
+        jumps = {field.name: getattr(self.settings, field.name) for field in dataclasses.fields(DepthJumpRules)}
+        rules = DepthRules(**jumps, history=10)
         self._tracks = {name: DepthTrack(rules) for name in _DEPTHS}
         self._last_ns: int | None = None
         # Number of consecutive readings whose stamps show a clock that was set back.

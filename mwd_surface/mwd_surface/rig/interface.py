@@ -42,8 +42,10 @@ class PeerStatus:
     """
     State of one connection.
 
-    since: steady time at which the connection began, s. sent, received, dropped: numbers of messages since then. rate:
-    messages sent per second. last: text of the last message.
+    since: steady time at which the connection began, s.
+    sent, received, dropped: numbers of messages since then.
+    rate: messages sent per second.
+    last: text of the last message.
     """
 
     address: str
@@ -60,8 +62,11 @@ class InterfaceStatus:
     """
     State of one interface: its state as a word such as LISTENING, its address, and the reason if it is not running.
 
-    sent, received: numbers of messages. dropped: number of messages not delivered to a slow peer. refused: number of
-    refused connections. counts: further counters by name. last: names and texts of the last values sent.
+    sent, received: numbers of messages.
+    dropped: number of messages not delivered to a slow peer.
+    refused: number of refused connections.
+    counts: further counters by name.
+    last: names and texts of the last values sent.
     """
 
     name: str

@@ -59,7 +59,7 @@ class RigSettings:
     witsml_store: WitsmlStoreSettings = setting(WitsmlStoreSettings, "Client of a WITSML store.")
     blackboard: BlackboardSettings = setting(BlackboardSettings, "Client of a D-WIS blackboard.")
     strict: bool = setting(
-        False, "Refuse to start if an interface cannot start. If false, try again every retry_period.", fixed=True
+        False, "Refuse to start if an interface cannot start. If false, try again every retry_period."
     )
     retry_period: float = setting(
         10.0,
@@ -68,7 +68,6 @@ class RigSettings:
         unit="s",
         low=0.05,
         high=3600.0,
-        fixed=True,
     )
     silent_after: float = setting(
         3.0,
@@ -77,7 +76,6 @@ class RigSettings:
         unit="s",
         low=0.2,
         high=60.0,
-        fixed=True,
     )
 
     @property
@@ -95,7 +93,6 @@ class RigPort:
 
     Parameters
     ----------
-    settings : RigSettings
     well : str
         Name of the well.
     on_rig_state : callable, optional

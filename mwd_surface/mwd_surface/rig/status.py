@@ -20,7 +20,7 @@ from mwd_sensors.core.output_files import write_whole
 from mwd_surface.rig.interface import InterfaceStatus, PeerStatus
 
 FILE_NAME = "rig_status.json"
-LASTS = 5.0  # s; a status older than this is from a surface node that hangs or was killed
+LASTS = 5.0  # age of a status from which its surface node hangs or was killed, s
 _VERSION = 1  # version of the format of the file
 
 

@@ -46,9 +46,12 @@ class RigValues:
     """
     All values that an interface may send, at the time made_ns, ns since the epoch.
 
-    heartbeat: seconds of a steady clock; stops counting if the node hangs. values: value of every name in the signal
-    table. surveys: accepted surveys, oldest measurement first. alarms: newest first. circulating, in_slips: None if the
-    rig does not report this state. mode: mode of the toolface in force, GRAVITY or MAGNETIC.
+    heartbeat: seconds of a steady clock; stops counting if the node hangs.
+    values: value of every name in the signal table.
+    surveys: accepted surveys, oldest measurement first.
+    alarms: newest first.
+    circulating, in_slips: None if the rig does not report this state.
+    mode: mode of the toolface in force, GRAVITY or MAGNETIC.
     """
 
     made_ns: int

@@ -122,8 +122,7 @@ class RosConformance:
         ]
 
     def _in_force(self, bench: Bench) -> int:
-        lease = bench.take(bench.one())
-        bench.turning(bench.one(), lease)
+        lease = bench.turning()
         return lease
 
     def _stays(self, lease: int) -> tuple[bool, str]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.live.well_state import WellState

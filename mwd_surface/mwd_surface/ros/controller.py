@@ -17,7 +17,6 @@ class Controller:
 
     Parameters
     ----------
-    node : rclpy.node.Node
     name : str
         Name of the controller, shown to people.
     private_key : bytes, optional

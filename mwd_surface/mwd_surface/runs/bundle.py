@@ -125,18 +125,7 @@ def copy_end(recording: Path, target: Path, minutes: float) -> int:
     """
     with Bag(recording) as bag, BagWriter(target) as writer:
         begin = bag.end_ns - round(minutes * 60 * wire.NANOSECONDS)
-        channels = {
-            topic.name: writer.copy_topic(
-                topic.name,
-                topic.type_name,
-                topic.schema_encoding,
-                topic.schema,
-                topic.type_hash,
-                topic.qos,
-                topic.serialization,
-            )
-            for topic in bag.topics.values()
-        }
+        channels = {topic.name: writer.copy_topic(topic) for topic in bag.topics.values()}
         latched = [topic.name for topic in bag.topics.values() if "transient_local" in topic.qos]
         last = {name: (log_ns, data) for log_ns, name, _, data in _before(bag, latched, begin)}
         for name, (log_ns, data) in sorted(last.items(), key=lambda row: row[1][0]):

@@ -23,7 +23,7 @@ from pathlib import Path
 
 PAGE_PORT = 8080
 _PYTHONS = ((3, 11), (3, 12))  # versions for which the ROS wheels are made
-_LEAST_DISK = 2 * 10**9  # least free space on the disk for recordings, bytes
+_LEAST_DISK = 2 * 10**9  # smallest free space on the disk for recordings, bytes
 # Receive buffer of a socket, bytes, as requested in fastdds.xml: one second of messages of three nodes at 1 kHz.
 _RECEIVE_BUFFER = 4 * 2**20
 
@@ -173,7 +173,7 @@ def messages() -> CheckResult:
 
 def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
     """
-    Return MISSING if another ROS distribution is sourced, NOTE if AMENT_PREFIX_PATH adds to the wheels, else OK.
+    Return MISSING if another ROS distribution is sourced, NOTE if AMENT_PREFIX_PATH names other folders, else OK.
 
     Packages of another installation would be mixed with those of this Python.
     """

@@ -365,10 +365,7 @@ def _own_folder() -> Path:
     In the shared temporary folder another user could create a predictable name beforehand, as a link or with a lock
     that is never released. Runs of other users are detected by the ports that they use.
 
-    Raises
-    ------
-    OSError
-        The folder cannot be created, or other users can write to it (PermissionError).
+    Raises OSError if the folder cannot be created, or other users can write to it (PermissionError).
     """
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     folder = Path(runtime) / "mwd" if runtime else Path(tempfile.gettempdir()) / f"mwd-{os.getuid()}"

@@ -16,7 +16,7 @@ from typing import Any
 
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag, BagError, Message
-from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.live_well import LiveWell, live_settings
@@ -104,7 +104,6 @@ class Player:
 
     Parameters
     ----------
-    bag : Bag
     namespace : str
         Namespace of the well, with a slash at its end.
     settings : RecordedWell, optional
@@ -156,7 +155,7 @@ class Player:
         """Create an empty well at the beginning of the recording."""
         settings, clock = self._settings, WellClock(self._bag.start_ns - 1)
         outlet = _Simulated() if self._count("truth") else WellOutlet()
-        context = WellContext(clock, LiveState(live_settings(settings)), AlarmLog(clock), outlet)
+        context = WellContext(clock, LiveState(live_settings(settings)), AlarmLog(lambda: clock.now_ns), outlet)
         planned = PlanMonitor(context)
         planned.plan = self._plan
         begun = arranged(SurveyList(well=settings.well, rules=settings.rules, plan=self._plan), settings.leg)

@@ -28,7 +28,6 @@ def examine_pressure(read: PressureFile, tool: ToolConfiguration | None = None) 
 
     Parameters
     ----------
-    read : PressureFile
     tool : ToolConfiguration, optional
         Tool whose telemetry the file should contain.
     """

@@ -9,7 +9,7 @@ from pathlib import Path
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.logs.depth_log import DepthLog
-from mwd_surface.logs.log_journal import NAME, LogJournal
+from mwd_surface.logs.log_journal import NAME, lines_of, restore
 from mwd_surface.logs.recorded_log import TOPICS, namespace_with
 from mwd_surface.logs.tool_health import HealthLedger, ToolHealth
 from mwd_surface.logs.tool_table import FILE, limits_of_run
@@ -34,7 +34,7 @@ def run_logs(path: Path, sensor_to_bit: float) -> tuple[DepthLog, ToolHealth] | 
     if journal is not None:
         limits, remark = limits_of_run(journal.with_name(FILE))
         log, health = DepthLog(sensor_to_bit), HealthLedger(limits)
-        LogJournal.read(journal).restore(log, health)
+        restore(lines_of(journal), log, health)
         return log, dataclasses.replace(health.health(), remarks=(remark,) if remark else ())
     if not path.is_dir() or not any(path.glob("*.mcap")):
         return None

@@ -45,7 +45,6 @@ def record(
 
     Parameters
     ----------
-    scenario : Scenario
     path : Path
         Folder of the bag.
     namespace : str

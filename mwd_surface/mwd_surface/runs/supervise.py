@@ -29,13 +29,13 @@ from mwd_sensors.core.stop_time import STOP_LIMIT, STOP_PATIENCE, StopTime
 SUPERVISOR_VARIABLE = "MWD_SUPERVISOR"
 REFUSED = 2  # exit status of a process whose settings are invalid: a restart would not help
 
-_FIRST_PAUSE, _LONGEST_PAUSE = 0.5, 10.0  # s before a restart after a crash
-_SETTLED = 20.0  # s; after a process has run for this time, its count of crashes begins again
+_FIRST_PAUSE, _LONGEST_PAUSE = 0.5, 10.0  # pause from a crash to the restart, s
+_SETTLED = 20.0  # run time of a process after which its count of crashes begins again, s
 _MOST_CRASHES = 5  # crashes in a row after which a process counts as failing
-_SLOW_PAUSE = 30.0  # s between attempts to start a failing process
-_MARGIN = 2.0  # s in which a node that hangs, even in native code, reports where it hangs and ends itself
+_SLOW_PAUSE = 30.0  # time between attempts to start a failing process, s
+_MARGIN = 2.0  # time in which a node that hangs, even in native code, reports where it hangs and ends itself, s
 _PATIENCE, _TERM_PATIENCE = STOP_PATIENCE + _MARGIN, 2.0  # waiting times after SIGINT and after SIGTERM, s
-_LOOK_PERIOD = 0.05  # s between checks whether a process has ended
+_LOOK_PERIOD = 0.05  # time between checks whether a process has ended, s
 _MOST_LOG = 20_000_000  # largest size of a log, bytes
 _PR_SET_PDEATHSIG = 1  # number of this option of prctl (Linux)
 

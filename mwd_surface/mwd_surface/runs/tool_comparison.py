@@ -30,9 +30,9 @@ from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.runs.launch_plan import estimator_parameters
 
 _SAME = 0.3  # distance below which two surveys belong to one station, m
-_LAST_S = 12.0  # s before the end of an interval at rest at which a survey is requested
+_LAST_S = 12.0  # time from the request of a survey to the end of the interval at rest, s
 _ASKED_S = 8.0  # length of a requested survey, s
-_SHORTEST = 20.0  # s; shortest interval at rest in which a survey is requested in addition to the automatic one
+_SHORTEST = 20.0  # shortest interval at rest in which a survey is requested in addition to the automatic one, s
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
@@ -91,107 +91,104 @@ class UnitConversions:
         return self.field_witsml or self.witsml if system == FIELD else self.witsml
 
 
-def _same(unece: str, name: str, quantity: str, scale: UnitScale, witsml: str = "") -> UnitConversions:
-    """Return the conversions of a unit that has the same scale in files, Modbus and WITS; OPC UA sends SI numbers."""
-    return UnitConversions(unece, name, quantity, scale, scale, scale, scale, witsml)
+def _unit(
+    unece: str,
+    name: str,
+    quantity: str,
+    people: UnitScale,
+    *,
+    register: UnitScale | None = None,
+    item: UnitScale | None = None,
+    fps: UnitScale | None = None,
+    **more: Any,
+) -> UnitConversions:
+    """
+    Return the conversions of a unit.
+
+    The unit of a Modbus register is that of people unless `register` names another. The unit of a WITS item, metric or
+    fps, is that of the register unless `item` or `fps` names another.
+    """
+    modbus = register or people
+    metric = item or modbus
+    return UnitConversions(unece, name, quantity, people, modbus, metric, fps or metric, **more)
 
 
 UNITS: dict[str, UnitConversions] = {
-    "1": _same("C62", "one", "ProportionStandardQuantity", UnitScale("1", 1.0)),
-    "rad": _same("C81", "radian", "PlaneAngleDrillingQuantity", UnitScale("deg", _DEG), "dega"),
-    "rad/m": UnitConversions(
+    "1": _unit("C62", "one", "ProportionStandardQuantity", UnitScale("1", 1.0)),
+    "rad": _unit("C81", "radian", "PlaneAngleDrillingQuantity", UnitScale("deg", _DEG), witsml="dega"),
+    "rad/m": _unit(
         "C84",
         "radian per metre",
         "CurvatureDrillingQuantity",
-        people=UnitScale("deg/30 m", 30.0 * _DEG),
-        modbus=UnitScale("deg/30m", 30.0 * _DEG),
-        metric=UnitScale("deg/30m", 30.0 * _DEG),
+        UnitScale("deg/30 m", 30.0 * _DEG),
+        register=UnitScale("deg/30m", 30.0 * _DEG),
         fps=UnitScale("deg/100ft", 100.0 * FOOT * _DEG),
         witsml="dega/30m",
         endings=("deg_per_30m", "deg_per_100ft"),
         field_witsml="dega/100ft",
     ),
-    "rad/s": _same("2A", "radian per second", "AngularVelocityDrillingQuantity", UnitScale("rpm", _RPM)),
-    "m": UnitConversions(
+    "rad/s": _unit("2A", "radian per second", "AngularVelocityDrillingQuantity", UnitScale("rpm", _RPM)),
+    "m": _unit(
         "MTR",
         "metre",
         "LengthStandardQuantity",
-        people=UnitScale("m", 1.0),
-        modbus=UnitScale("m", 1.0),
-        metric=UnitScale("m", 1.0),
+        UnitScale("m", 1.0),
         fps=UnitScale("ft", 1.0 / FOOT),
         witsml="m",
         endings=("_m", "_ft"),
         field_witsml="ft",
     ),
-    "m/s": UnitConversions(
+    "m/s": _unit(
         "MTS",
         "metre per second",
         "RateOfPenetrationDrillingQuantity",
-        people=UnitScale("m/h", 3600.0),
-        modbus=UnitScale("m/h", 3600.0),
-        metric=UnitScale("m/h", 3600.0),
+        UnitScale("m/h", 3600.0),
         fps=UnitScale("ft/h", 3600.0 / FOOT),
         endings=("_mph", "_ftph"),
     ),
-    "m/s^2": UnitConversions(
+    "m/s^2": _unit(
         "MSK",
         "metre per second squared",
         "AccelerationDrillingQuantity",
-        people=UnitScale("m/s^2", 1.0),
-        modbus=UnitScale("g", 1.0 / STANDARD_GRAVITY),
-        metric=UnitScale("g", 1.0 / STANDARD_GRAVITY),
-        fps=UnitScale("g", 1.0 / STANDARD_GRAVITY),
+        UnitScale("m/s^2", 1.0),
+        register=UnitScale("g", 1.0 / STANDARD_GRAVITY),
     ),
-    "T": _same("D33", "tesla", "EarthMagneticFluxDensityQuantity", UnitScale("nT", 1e9)),
-    "degC": UnitConversions(
+    "T": _unit("D33", "tesla", "EarthMagneticFluxDensityQuantity", UnitScale("nT", 1e9)),
+    "degC": _unit(
         "CEL",
         "degree Celsius",
         "TemperatureDrillingQuantity",
-        people=UnitScale("degC", 1.0),
-        modbus=UnitScale("degC", 1.0),
-        metric=UnitScale("degC", 1.0),
+        UnitScale("degC", 1.0),
         fps=UnitScale("degF", 1.8, 32.0),
         endings=("_degc", "_degf"),
     ),
     # API units are relative to a calibration pit, and UNECE has no code for them; C62 is the code of the unit one.
-    "gAPI": _same("C62", "API unit of natural gamma", "ProportionStandardQuantity", UnitScale("gAPI", 1.0)),
-    "s": _same("SEC", "second", "DurationDrillingQuantity", UnitScale("s", 1.0)),
-    "N": UnitConversions(
+    "gAPI": _unit("C62", "API unit of natural gamma", "ProportionStandardQuantity", UnitScale("gAPI", 1.0)),
+    "s": _unit("SEC", "second", "DurationDrillingQuantity", UnitScale("s", 1.0)),
+    "N": _unit(
         "NEW",
         "newton",
         "ForceDrillingQuantity",
-        people=UnitScale("kN", 1e-3),
-        modbus=UnitScale("kN", 1e-3),
-        metric=UnitScale("kdaN", 1e-4),
+        UnitScale("kN", 1e-3),
+        item=UnitScale("kdaN", 1e-4),
         fps=UnitScale("klbf", 1e-3 / POUND_FORCE),
         endings=("_kn", "_klbf"),
     ),
-    "N m": UnitConversions(
+    "N m": _unit(
         "NU",
         "newton metre",
         "TorqueDrillingQuantity",
-        people=UnitScale("kN m", 1e-3),
-        modbus=UnitScale("N m", 1.0),
-        metric=UnitScale("kN m", 1e-3),
+        UnitScale("kN m", 1e-3),
+        register=UnitScale("N m", 1.0),
+        item=UnitScale("kN m", 1e-3),
         fps=UnitScale("klbf ft", 1e-3 / (POUND_FORCE * FOOT)),
     ),
-    "Pa": UnitConversions(
-        "PAL",
-        "pascal",
-        "PressureDrillingQuantity",
-        people=UnitScale("kPa", 1e-3),
-        modbus=UnitScale("kPa", 1e-3),
-        metric=UnitScale("kPa", 1e-3),
-        fps=UnitScale("psi", 1.0 / PSI),
-    ),
-    "m^3/s": UnitConversions(
+    "Pa": _unit("PAL", "pascal", "PressureDrillingQuantity", UnitScale("kPa", 1e-3), fps=UnitScale("psi", 1.0 / PSI)),
+    "m^3/s": _unit(
         "MQS",
         "cubic metre per second",
         "VolumetricFlowrateDrillingQuantity",
-        people=UnitScale("L/min", 60000.0),
-        modbus=UnitScale("L/min", 60000.0),
-        metric=UnitScale("L/min", 60000.0),
+        UnitScale("L/min", 60000.0),
         fps=UnitScale("gal/min", 60.0 / GALLON),
     ),
 }

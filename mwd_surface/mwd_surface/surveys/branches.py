@@ -17,10 +17,11 @@ class Branch:
     """
     A branch of the hole.
 
-    name, parent: names of the leg that is the branch, and of the leg that the branch leaves. current: whether the next
-    surveys belong to the branch. measured_depth (m), inclination, azimuth (rad), position (north, east, down from the
-    opening, m): kick-off point, where the branch leaves its parent. end: measured depth of the last station of the
-    branch, m; of the kick-off point if the branch has no station.
+    name, parent: names of the leg that is the branch, and of the leg that the branch leaves.
+    current: whether the next surveys belong to the branch.
+    measured_depth (m), inclination, azimuth (rad), position (north, east, down from the opening, m): kick-off point,
+    where the branch leaves its parent.
+    end: measured depth of the last station of the branch, m; of the kick-off point if the branch has no station.
     """
 
     name: str

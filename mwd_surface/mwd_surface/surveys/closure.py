@@ -29,7 +29,7 @@ CONSISTENT, DOUBTFUL, INCONSISTENT, UNKNOWN = "consistent", "doubtful", "not con
 # Limits of the probability of a larger closure error by chance. Below the first limit the closure is doubtful, below
 # the second it is not consistent. The verdict of a survey uses the same limits.
 _DOUBTFUL, _INCONSISTENT = 0.01, 0.001
-_SAME = 1e-3  # m; largest difference in measured depth at which a station counts as lying at the surveyed point
+_SAME = 1e-3  # largest difference in measured depth at which a station counts as lying at the surveyed point, m
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,12 +37,16 @@ class Closure:
     """
     Closure error at a surveyed point; unknown numbers are NaN.
 
-    leg: leg of the hole that reaches the point. measured_depth: measured depth of the point, m. right, up, along:
-    components of the closure error, looking along the hole, m; negative if the path is to the left of the point, below
-    it, or short of it. sigma_right, sigma_up, sigma_along: 1 sigma of the path in these directions, m. sigma_point: 1
-    sigma of the point in each direction, m. distance: length of the closure error, m. probability: probability of an
-    error at least as large by chance. verdict: `CONSISTENT`, `DOUBTFUL`, `INCONSISTENT` or `UNKNOWN`. note: reason and
-    remedy if a number is unknown; otherwise empty.
+    leg: leg of the hole that reaches the point.
+    measured_depth: measured depth of the point, m.
+    right, up, along: components of the closure error, looking along the hole, m; negative if the path is to the left of
+    the point, below it, or short of it.
+    sigma_right, sigma_up, sigma_along: 1 sigma of the path in these directions, m.
+    sigma_point: 1 sigma of the point in each direction, m.
+    distance: length of the closure error, m.
+    probability: probability of an error at least as large by chance.
+    verdict: `CONSISTENT`, `DOUBTFUL`, `INCONSISTENT` or `UNKNOWN`.
+    note: reason and remedy if a number is unknown; otherwise empty.
     """
 
     leg: str

@@ -28,12 +28,12 @@ _REMEMBERED = 100  # number of rejected readings, and of jumps, that are kept to
 _COMPARED = 60
 _FEWEST = 10  # smallest number of readings with which the clocks are compared
 _BY_HAND = "or give the depth by hand"
-_NEW_START_NS = 60_000_000_000  # ns; a sonde whose time goes back by more than this has restarted
+_NEW_START_NS = 60_000_000_000  # step back of the time from which a sonde has restarted, ns
 
 
 @dataclasses.dataclass(frozen=True)
-class DepthRules:
-    """Rules for depth readings and jumps."""
+class DepthJumpRules:
+    """Rules for depth readings that jump."""
 
     fastest: float = setting(
         5.0,
@@ -54,6 +54,13 @@ class DepthRules:
         "Number of consistent readings in a row that confirm a jump of depth. Raising it delays true corrections.",
         low=1,
     )
+    deepest: float = setting(DEEPEST, "Largest plausible depth. A larger reading is rejected.", unit="m", low=1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class DepthRules(DepthJumpRules):
+    """Rules for depth readings, and for the depth of a survey between them."""
+
     bridge: float = setting(
         60.0,
         "Longest gap of rig data over which the depth is interpolated. In a longer gap a survey gets the last depth "
@@ -62,7 +69,6 @@ class DepthRules:
         unit="s",
         low=0.1,
     )
-    deepest: float = setting(DEEPEST, "Largest plausible depth. A larger reading is rejected.", unit="m", low=1.0)
     clock_limit: float = setting(
         20.0,
         "Largest difference between the clocks of rig and sonde, judged by the order in which their data arrive. "
@@ -84,8 +90,10 @@ class DepthReading:
     """
     Depth of the sensor at a survey.
 
-    measured_depth, bit_depth: depth of the sensor and of the bit, m. depth_age: time between the survey and the depth
-    reading used, s. reason: why the depth is unknown, or empty. by_hand: whether a person entered the reading used.
+    measured_depth, bit_depth: depth of the sensor and of the bit, m.
+    depth_age: time between the survey and the depth reading used, s.
+    reason: why the depth is unknown, or empty.
+    by_hand: whether a person entered the reading used.
     """
 
     measured_depth: float = math.nan

@@ -32,11 +32,15 @@ class Deviation:
     """
     Deviation at one station; unknown numbers are NaN.
 
-    station: number of the survey; empty without a survey. leg: leg to which the station belongs. kind: kind of station
-    as in a path, or "planned" ahead of the bit. measured_depth: m. inclination, azimuth: rad. right, up: offset of the
-    hole from the design, across the design, m, negative to the left and below. sigma_right, sigma_up: 1 sigma, m.
-    distance: distance of the hole from the design, m. x, y, z: mine coordinates, m, north, east and up; NaN for an axis
-    on which the opening is not given.
+    station: number of the survey; empty without a survey.
+    leg: leg to which the station belongs.
+    kind: kind of station as in a path, or "planned" ahead of the bit.
+    measured_depth: m.
+    inclination, azimuth: rad.
+    right, up: offset of the hole from the design, across the design, m, negative to the left and below.
+    sigma_right, sigma_up: 1 sigma, m.
+    distance: distance of the hole from the design, m.
+    x, y, z: mine coordinates, m, north, east and up; NaN for an axis on which the opening is not given.
     """
 
     station: str

@@ -18,12 +18,10 @@ import numpy as np
 
 from mwd_estimation.core.north import North
 from mwd_estimation.core.reason_text import text
-from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.survey import AzimuthEstimate, Survey
 from mwd_estimation.survey.tool_code import sensor_errors
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.unknown import or_none
 from mwd_surface.surveys import multi_station_analysis
 from mwd_surface.surveys.leg import Leg
 from mwd_surface.surveys.survey_list import SurveyList
@@ -51,9 +49,11 @@ class Overlap:
     """
     An interval that two sources cover.
 
-    from_m, to_m: measured depths, m. used, left_out: names of the sources. sigma_used, sigma_left_out: semi-major axis
-    of the horizontal error ellipse at to_m, 1 sigma, m, of the path with each source. apart: depths, m, at which the
-    two paths differ by more than the 99.9 % limit of their uncertainties.
+    from_m, to_m: measured depths, m.
+    used, left_out: names of the sources.
+    sigma_used, sigma_left_out: semi-major axis of the horizontal error ellipse at to_m, 1 sigma, m, of the path with
+    each source.
+    apart: depths, m, at which the two paths differ by more than the 99.9 % limit of their uncertainties.
     """
 
     from_m: float
@@ -129,7 +129,7 @@ def _joined(whole: FinalList, source: ListSource) -> FinalList:
         here = record.in_use and upper <= record.measured_depth <= lower and _on_path(surveys, record)
         if not here or record.survey.sequence in held:
             return record
-        comment = f"{record.comment}; {better} is used here".removeprefix("; ")
+        comment = f"{record.comment}; replaced by {better}".removeprefix("; ")
         return dataclasses.replace(record, in_use=False, comment=comment)
 
     covering = [r for r in mine if upper <= r.measured_depth <= lower] or mine
@@ -217,10 +217,13 @@ def _with(
     legs = {r.survey.sequence: r.leg for r in theirs if r.in_use}
     path = surveys.definitive()
     intervals: list[Interval] = []
+    station = 0
     for k, number in enumerate(path.sequence):
-        if number not in legs:
+        # A kick-off has no survey; its tool is the tool of the station above.
+        station = number or station
+        if station not in legs:
             continue
-        above, here, leg = float(path.md[k - 1]), float(path.md[k]), legs[number]
+        above, here, leg = float(path.md[k - 1]), float(path.md[k]), legs[station]
         if intervals and (intervals[-1].to_m, intervals[-1].leg) == (above, leg):
             intervals[-1] = dataclasses.replace(intervals[-1], to_m=here)
         else:
@@ -289,16 +292,8 @@ def _analysed(surveys: SurveyList, code: str) -> tuple[SurveyList, tuple[str, ..
     for (leg, tool), records in runs.items():
         if len(records) < _TOGETHER:
             continue
-        s = records[-1].survey
-        reference = Reference(
-            total=s.b_reference,
-            dip=s.dip_reference,
-            declination=or_none(s.declination),
-            convergence=or_none(s.convergence),
-            gravity=or_none(s.g_reference),
-        )
         force, field = (np.array([getattr(r.survey, name) for r in records]) for name in _READINGS)
-        done = multi_station_analysis.analyse(force, field, reference, errors)
+        done = multi_station_analysis.analyse(force, field, records[-1].survey.reference, errors)
         refused = "" if done.refused is None else text(done.refused)
         run = " ".join(filter(None, (f"leg {leg}", tool)))
         if refused:

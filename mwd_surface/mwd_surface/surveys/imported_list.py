@@ -15,9 +15,8 @@ from typing import Any
 
 from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.survey import Nine, Survey, Verdict
+from mwd_estimation.survey.survey import REFERENCE_FIELDS, Nine, Survey, Verdict
 from mwd_sensors.core import settings, utc
-from mwd_sensors.core.unknown import or_none
 from mwd_surface.list_files.provenance import Provenance
 from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
 from mwd_surface.list_files.station_list import Start, StationList, start_of
@@ -52,7 +51,6 @@ def survey_list(
 
     Parameters
     ----------
-    stations : StationList
     well : Well, optional
         Well; by default the well stored in a list that this project exported, or else a default well. A north named by
         the list replaces the north of the well. A tool code named by a list of another program replaces the tool code
@@ -127,7 +125,6 @@ def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = 
 
     Parameters
     ----------
-    surveys : SurveyList
     leg : str, optional
         Leg to export, if not the current one.
     whole : bool
@@ -139,17 +136,6 @@ def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = 
         there = surveys.find_leg(there.parent)
     t = there.tie_on
     reference = reference_in(surveys)
-    figures = (
-        {
-            "b_reference": reference.total,
-            "g_reference": reference.gravity,
-            "dip_reference": reference.dip,
-            "declination": reference.declination,
-            "convergence": reference.convergence,
-        }
-        if reference is not None
-        else {}
-    )
     # Leave out the names of files on this machine, which readers of the export do not have.
     well = dataclasses.replace(surveys.well, programme="", offset_wells="")
     if reference is not None and reference.source:
@@ -159,7 +145,7 @@ def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = 
     return Provenance(
         well={name: value for name, value in settings.to_mapping(well).items() if name not in left_out},
         start=Start(t.measured_depth, t.inclination, t.azimuth, (t.north, t.east, t.vertical_depth), t.source.value),
-        reference={name: value for name, value in figures.items() if value is not None},
+        reference=_reference_figures(reference),
         remarks=distinct((*surveys.remarks, *assumptions)),
     )
 
@@ -170,14 +156,13 @@ def reference_in(surveys: SurveyList) -> Reference | None:
     if not known:
         return None
     last = known[-1]
-    return Reference(
-        total=last.b_reference,
-        dip=last.dip_reference,
-        declination=or_none(last.declination),
-        convergence=or_none(last.convergence),
-        gravity=or_none(last.g_reference),
-        source=last.reference_source or surveys.well.geomagnetic_model,
-    )
+    return dataclasses.replace(last.reference, source=last.reference_source or surveys.well.geomagnetic_model)
+
+
+def _reference_figures(reference: Reference | None) -> dict[str, float]:
+    """Return the known values of a reference by name of the `Survey` attribute."""
+    values = {field: getattr(reference, name, None) for name, field in REFERENCE_FIELDS.items()}
+    return {field: value for field, value in values.items() if value is not None}
 
 
 def tool_codes_of(stations: StationList) -> set[str]:
@@ -238,15 +223,7 @@ def _figures(stations: StationList, k: int, reference: Reference | None) -> dict
         name: float(values[k]) for name, values in stations.figures.items() if math.isfinite(values[k])
     }
     if reference is not None:
-        given = {
-            "b_reference": reference.total,
-            "dip_reference": reference.dip,
-            "declination": reference.declination,
-            "convergence": reference.convergence,
-            "g_reference": reference.gravity,
-            "reference_source": reference.source,
-        }
-        figures |= {name: value for name, value in given.items() if value is not None}
+        figures |= _reference_figures(reference) | {"reference_source": reference.source}
     return figures
 
 

@@ -32,9 +32,9 @@ class LegSettings:
         unit="m",
         low=0.0,
     )
-    tie_on_inclination_deg: float = setting(0.0, "Inclination of the tie-on station.", unit="deg", low=0.0, high=180.0)
+    tie_on_inclination_deg: float = setting(0.0, "Inclination of the tie-on station.", low=0.0, high=180.0)
     tie_on_azimuth_deg: float = setting(
-        0.0, "Azimuth of the tie-on station, from the north reference of the well.", unit="deg", low=0.0, high=360.0
+        0.0, "Azimuth of the tie-on station, from the north reference of the well.", low=0.0, high=360.0
     )
     tie_on_north: float | None = setting(
         None, "Distance of the tie-on station north of the wellhead. nan if not given.", unit="m"

@@ -16,7 +16,8 @@ class ListRules:
 
     automatic: bool = setting(
         True,
-        "Accept a survey that passes the acceptance criteria at once. If false, every survey waits for an operator.",
+        "Accept a survey automatically if it passes the acceptance criteria. If false, every survey waits for an "
+        "operator.",
     )
     same_depth: float = setting(
         0.5,
@@ -47,7 +48,6 @@ class ListRules:
         1.0,
         "Inclination below which a station without azimuth gets the azimuth of the station above. Raising it "
         "accepts larger position errors.",
-        unit="deg",
         low=0.0,
         high=5.0,
     )

@@ -95,10 +95,6 @@ def analyse(
     errors : SensorErrors, optional
         Priors of bias, scale and axial interference, for example `tool_code.sensor_errors(code)`.
 
-    Returns
-    -------
-    Multistation
-
     Raises
     ------
     ValueError

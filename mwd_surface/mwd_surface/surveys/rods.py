@@ -34,10 +34,10 @@ class RodSettings:
     """Settings for counting the bit depth by rods."""
 
     length_m: float | None = setting(
-        None, "Length of a rod. nan: the depth is not counted by rods.", unit="m", low=0.1, high=30.0
+        None, "Length of a rod. nan: the depth is not counted by rods.", low=0.1, high=30.0
     )
     first_m: float = setting(
-        0.0, "Bit depth without a rod in the hole: the length of bit, probe and motor.", unit="m", low=0.0, high=100.0
+        0.0, "Bit depth without a rod in the hole: the length of bit, probe and motor.", low=0.0, high=100.0
     )
 
 

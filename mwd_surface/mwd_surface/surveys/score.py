@@ -22,7 +22,7 @@ from mwd_sensors.core.input_files import check_regular
 from mwd_surface.bags.bag_reader import Bag, BagError
 
 SURVEY_TYPE = "mwd_msgs/msg/Survey"
-_NEAREST = 0.6  # s; longest time between a survey and the sample of the truth with which the survey is compared
+_NEAREST = 0.6  # longest time between a survey and the sample of the truth with which the survey is compared, s
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,17 +32,14 @@ class Scored:
 
     Attributes
     ----------
-    sequence : int
     measured_depth : float
         True depth of the sonde, m.
     inclination, azimuth : float
         True values.
-    measured_inclination, sigma_inclination : float
     raw, corrected, chosen : float or None
         Azimuth as measured, corrected for axial interference, and as reported by the survey.
     sigma_azimuth : float or None
         1 sigma of the reported azimuth.
-    verdict : Verdict
     action : str
         Main reason to act; empty for an accepted survey.
     """

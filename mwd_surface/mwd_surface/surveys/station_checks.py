@@ -283,7 +283,6 @@ def tie_on_assumptions(
 
     Parameters
     ----------
-    rules : ListRules
     tie_on : TieOn
         Tie-on of a leg without a parent.
     first_depth, inclination : float

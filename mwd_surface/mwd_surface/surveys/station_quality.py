@@ -38,14 +38,12 @@ class QualityLimits:
         300.0,
         "Largest difference of the total magnetic field from the reference that counts as good. Raising it accepts "
         "worse stations.",
-        unit="nT",
         low=0.0,
     )
     dip_deg: float = setting(
         0.45,
         "Largest difference of the magnetic dip from the reference that counts as good. Raising it accepts worse "
         "stations.",
-        unit="deg",
         low=0.0,
     )
     reject_factor: float = setting(
@@ -61,10 +59,13 @@ class Total:
     """
     One total of a survey: gravity, m/s^2, field, T, or dip, rad.
 
-    read: measured value, None without that sensor. value: value that is judged. reference: reference value, None if
-    there is none. deviation: value minus reference as used by the verdict, None if either is unknown. limit: largest
-    absolute deviation that is good. light: GOOD, DOUBTFUL or REJECT; NO_REFERENCE or NOT_MEASURED if no judgement is
-    possible. corrected: whether `value` excludes the string's field.
+    read: measured value, None without that sensor.
+    value: value that is judged.
+    reference: reference value, None if there is none.
+    deviation: value minus reference as used by the verdict, None if either is unknown.
+    limit: largest absolute deviation that is good.
+    light: GOOD, DOUBTFUL or REJECT; NO_REFERENCE or NOT_MEASURED if no judgement is possible.
+    corrected: whether `value` excludes the string's field.
     """
 
     name: str

@@ -50,7 +50,6 @@ class Line:
 
     Parameters
     ----------
-    record : SurveyRecord
     north : North, optional
         North of the azimuths, if they can be converted to it; otherwise they are from the survey's own north.
     """

@@ -174,7 +174,7 @@ class SurveyList:
         return whole.records
 
     def _allows(self, record: SurveyRecord) -> bool:
-        """Return whether the rules let a survey enter the path next to the stations in use, without a decision."""
+        """Return whether the rules let a survey enter the path of the stations in use without a person's decision."""
         accepted = record.survey.verdict == Verdict.ACCEPT
         return self.rules.automatic and accepted and not obstacles(self, record)
 
@@ -514,10 +514,7 @@ def _with_value(record: SurveyRecord, value: Value) -> SurveyRecord:
 
     Nothing changes if the definitive value is asked for, or the first value of a record without one.
 
-    Raises
-    ------
-    ValueError
-        `value` is `REVISED`, and no revised value of the survey waits for a decision.
+    Raises ValueError if `value` is `REVISED`, and no revised value of the survey waits for a decision.
     """
     number = record.survey.sequence
     if value == Value.REVISED:

@@ -94,10 +94,10 @@ class Well:
     )
     language: str = setting("en", "Language of the report: en, zh_CN, or that of another catalogue.")
     latitude_deg: float | None = setting(
-        None, "Latitude of the wellhead, WGS 84, north positive. nan if not given.", unit="deg", low=-90.0, high=90.0
+        None, "Latitude of the wellhead, WGS 84, north positive. nan if not given.", low=-90.0, high=90.0
     )
     longitude_deg: float | None = setting(
-        None, "Longitude of the wellhead, WGS 84, east positive. nan if not given.", unit="deg", low=-180.0, high=360.0
+        None, "Longitude of the wellhead, WGS 84, east positive. nan if not given.", low=-180.0, high=360.0
     )
     grid: str = setting(
         "",
@@ -126,7 +126,6 @@ class Well:
         None,
         "Azimuth of the vertical section, from the north reference. nan: along the plan or, without a plan, "
         "towards the last survey in use; the section then turns slightly with each survey.",
-        unit="deg",
         low=0.0,
         high=360.0,
     )

@@ -26,7 +26,7 @@ from mwd_surface.trajectory.well_path import Definitive
 
 _PER_30_M = math.radians(1.0) / 30.0  # one degree per 30 m, in rad/m
 _YIELDS = 3  # number of latest intervals for the motor yield, which changes with formation and wear
-_LEAST_AHEAD = 1.0  # m; if less of the plan lies ahead of the bit, there is no advice
+_LEAST_AHEAD = 1.0  # shortest part of the plan ahead of the bit with which there is advice, m
 
 
 class AdviceMode(enum.IntEnum):
@@ -44,43 +44,29 @@ class AdvisorySettings:
     toolface_deg: float = setting(
         -1.0,
         "Toolface set by the directional driller, used instead of one computed from the plan. Below 0 it is computed.",
-        unit="deg",
         low=-1.0,
         high=360.0,
     )
     limit_deg: float = setting(
         15.0,
         "Largest deviation from the advised toolface that the page shows as good. Raising it hides larger errors.",
-        unit="deg",
         low=1.0,
         high=180.0,
     )
-    interval_m: float = setting(
-        28.0,
-        "Length drilled between two decisions, usually a stand.",
-        unit="m",
-        low=1.0,
-        high=500.0,
-    )
+    interval_m: float = setting(28.0, "Length drilled between two decisions, usually a stand.", low=1.0, high=500.0)
     look_ahead_m: float = setting(
         60.0,
         "Distance along the plan at which the well should be back on the plan. Lowering it steers harder and makes "
         "a more tortuous hole.",
-        unit="m",
         low=5.0,
         high=2000.0,
     )
     least_slide_m: float = setting(
-        2.0,
-        "Shortest slide that is worth its set-up time; a shorter one is rotated instead.",
-        unit="m",
-        low=0.0,
-        high=100.0,
+        2.0, "Shortest slide that is worth its set-up time; a shorter one is rotated instead.", low=0.0, high=100.0
     )
     motor_yield_deg_30m: float = setting(
         8.0,
         "Dogleg severity of a slide as specified for the motor, used until the slide sheet has measured it.",
-        unit="deg/30 m",
         low=0.1,
         high=60.0,
     )
@@ -93,7 +79,6 @@ class Advice(MessageRecord):
 
     Attributes
     ----------
-    mode : AdviceMode
     toolface : float
         Toolface for mode SLIDE, rad, from the high side, or from north if `magnetic`; NaN for other modes.
     toolface_mode : int

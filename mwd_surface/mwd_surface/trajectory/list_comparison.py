@@ -61,7 +61,6 @@ def difference(
 
     Parameters
     ----------
-    first, second : Definitive
     covariances : tuple of two ndarray of shape (m, 3, 3) or None
         Covariances of the station positions, m^2. The errors of the two surveys are assumed to be independent.
 

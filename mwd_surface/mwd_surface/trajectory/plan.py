@@ -31,8 +31,11 @@ class Plan:
     """
     Planned well path: its stations and their positions.
 
-    md, inclination, azimuth: shape (n,), n >= 2, m and rad. positions: shape (n, 3), m. north: "magnetic", "true" or
-    "grid", or "" if the file does not name the north. name: name shown to users. remarks: assumptions made on reading.
+    md, inclination, azimuth: shape (n,), n >= 2, m and rad.
+    positions: shape (n, 3), m.
+    north: "magnetic", "true" or "grid", or "" if the file does not name the north.
+    name: name shown to users.
+    remarks: assumptions made on reading.
     """
 
     md: Array
@@ -98,11 +101,14 @@ class Offset:
     """
     Offset of a point from the plan.
 
-    distance: distance to the nearest point of the plan, m. plan_md: measured depth of this plan point, m. up, right:
-    components from the plan to the point, in the plane perpendicular to the plan, m. horizontal: distance on the map,
-    m. vertical: depth below the plan, m. toolface: direction from the well to the plan, perpendicular to the hole, rad
-    from the high side; steering to this toolface leads back to the plan. dogleg_to_target: dogleg severity of the arc
-    that hits the target of the plan, rad/m; NaN if there is no such arc.
+    distance: distance to the nearest point of the plan, m.
+    plan_md: measured depth of this plan point, m.
+    up, right: components from the plan to the point, in the plane perpendicular to the plan, m.
+    horizontal: distance on the map, m.
+    vertical: depth below the plan, m.
+    toolface: direction from the well to the plan, perpendicular to the hole, rad from the high side; steering to this
+    toolface leads back to the plan.
+    dogleg_to_target: dogleg severity of the arc that hits the target of the plan, rad/m; NaN if there is no such arc.
     """
 
     distance: float
@@ -175,7 +181,6 @@ def offset_from(plan: Plan, position: ArrayLike, inclination: float, azimuth: fl
 
     Parameters
     ----------
-    plan : Plan
     position : array_like, shape (3,)
         Position of the well (a survey, or the bit), m.
     inclination, azimuth : float

@@ -18,12 +18,12 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.trajectory.well_path import Definitive
 
 SLIDE, ROTATE = "slide", "rotate"
-_LONGEST_STEP = 30.0  # m; a larger step between two readings of the hole depth is not counted as drilling
+_LONGEST_STEP = 30.0  # largest step between two readings of the hole depth that counts as drilling, m
 
 
 @dataclasses.dataclass(frozen=True)
 class SlideRules:
-    """Limits that separate sliding from rotating, and the least length of a stretch."""
+    """Limits that separate sliding from rotating, and the shortest stretch."""
 
     rotating_above: float = setting(
         10.0,
@@ -166,7 +166,6 @@ class SlideSheet:
 
         Parameters
         ----------
-        stamp_ns : int
         hole_depth : float
             Hole depth, m; if it has not increased, nothing was drilled.
         rotary_speed : float
@@ -190,7 +189,7 @@ class SlideSheet:
         if self._open is None:
             self._open = _Open(mode, self._depth, stamp_ns, self._depth, stamp_ns)
         if mode == self._open.mode and self._next is not None:
-            # The other mode lasted for less than the least length: add its hole to the present stretch.
+            # The other mode lasted for less than the shortest stretch: add its hole to the present stretch.
             self._grow(self._open, stamp_ns, self._next.to_depth, self._next.turns, None, False)
             self._next = None
         if mode != self._open.mode and self._next is None:
@@ -224,7 +223,7 @@ class SlideSheet:
         if self._open is None:
             return None
         if self._next is not None:
-            # The last change of mode is shorter than the least length: add its hole to the present stretch.
+            # The last change of mode is shorter than the shortest stretch: add its hole to the present stretch.
             self._grow(self._open, self._next.end_ns, self._next.to_depth, self._next.turns, None, False)
         ended = self._open.closed()
         self._open = self._next = None

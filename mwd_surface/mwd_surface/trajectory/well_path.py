@@ -25,12 +25,15 @@ class Definitive:
     """
     Path of one leg from the wellhead down, by minimum curvature.
 
-    md, inclination, azimuth, vertical_section: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m.
-    dogleg_severity, build_rate, turn_rate: shape (n,), rad/m, of the interval above each station. kind: `TIE_ON`,
-    `ASSUMED` (assumed tie-on, because none was given; the hole between it and the next station is also assumed),
-    `SURVEY` or `PROJECTED`. sequence: number of the survey, 0 for other kinds. north: reference of azimuth and
-    positions. section_azimuth: azimuth of the vertical section, rad. assumptions: assumptions, in addition to
-    measurements, on which the coordinates of all stations are based.
+    md, inclination, azimuth, vertical_section: shape (n,), m and rad.
+    positions: shape (n, 3), north, east, down, m.
+    dogleg_severity, build_rate, turn_rate: shape (n,), rad/m, of the interval above each station.
+    kind: `TIE_ON`, `ASSUMED` (assumed tie-on, because none was given; the hole between it and the next station is also
+    assumed), `SURVEY` or `PROJECTED`.
+    sequence: number of the survey, 0 for other kinds.
+    north: reference of azimuth and positions.
+    section_azimuth: azimuth of the vertical section, rad.
+    assumptions: assumptions, in addition to measurements, on which the coordinates of all stations are based.
     """
 
     leg: str

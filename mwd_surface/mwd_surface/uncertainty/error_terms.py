@@ -169,7 +169,6 @@ def error_terms(
         Measured depth, m, inclination and azimuth from true north, rad.
     tools : sequence of ErrorTool or None, length n
         Tool that measured each station; None for a station that is taken as given (a tie-on).
-    reference : ErrorReference
     first_tvd : float
         Vertical depth of the first station, m.
     without_angles : ndarray of bool, shape (n,), optional
@@ -356,7 +355,7 @@ def _evaluated(stations: _CourseStations, code: str, reference: ErrorReference) 
 
 @functools.cache
 def _inclination_limits(code: str) -> tuple[float, float]:
-    """Return the least inclination of a code, included, and its upper limit, excluded, rad; inf if it has no limit."""
+    """Return the lowest inclination of a code, included, and its upper limit, excluded, rad; inf if it has no limit."""
     found = next(iter(sorted(tool_code.folder().glob(f"*/{code}.json"))), None)
     if found is None:
         return 0.0, math.inf

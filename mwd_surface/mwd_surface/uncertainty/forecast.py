@@ -37,7 +37,8 @@ _TOOLFACES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
 # The share of accepted stations then has a sigma of 0.09 (as with independent draws) or less. The same draws are used
 # along the whole plan, so that the share changes only with the attitude.
 _LOG2_DRAWS = 5
-# Least angle between the directions of the hole at which the share is computed, rad; between them it is interpolated.
+# Smallest angle between the directions of the hole at which the share is computed, rad; between them it is
+# interpolated.
 _APART = math.radians(5.0)
 _VERTICAL = math.radians(1.0)  # inclination below which the azimuth has no sigma, rad
 _STEP = 30.0  # distance between surveys, m
@@ -96,7 +97,6 @@ def forecast(
 
     Parameters
     ----------
-    plan : Plan
     north : str
         North of the plan's azimuths: "true", "grid" or "magnetic".
     code : str

@@ -42,9 +42,9 @@ class Interval:
     """
 
     code: str = setting("MWD+SRGM", "Tool code of OWSG set A or B, or of a gyro.")
-    from_m: float = setting(0.0, "Measured depth at which the interval starts.", unit="m", low=0.0)
+    from_m: float = setting(0.0, "Measured depth at which the interval starts.", low=0.0)
     to_m: float | None = setting(
-        None, "Measured depth at which the interval ends. If left out, it ends with the well.", unit="m", low=0.0
+        None, "Measured depth at which the interval ends. If left out, it ends with the well.", low=0.0
     )
     run: str = setting(
         "",
@@ -74,9 +74,9 @@ class TieOnErrors:
     covariance_m2: full 3 x 3 covariance of north, east, down, m^2; replaces the sigmas if it is given.
     """
 
-    sigma_north_m: float = setting(0.0, "1 sigma of the first station to the north.", unit="m", low=0.0)
-    sigma_east_m: float = setting(0.0, "1 sigma of the first station to the east.", unit="m", low=0.0)
-    sigma_tvd_m: float = setting(0.0, "1 sigma of the vertical depth of the first station.", unit="m", low=0.0)
+    sigma_north_m: float = setting(0.0, "1 sigma of the first station to the north.", low=0.0)
+    sigma_east_m: float = setting(0.0, "1 sigma of the first station to the east.", low=0.0)
+    sigma_tvd_m: float = setting(0.0, "1 sigma of the vertical depth of the first station.", low=0.0)
     covariance_m2: list[list[float]] = dataclasses.field(default_factory=list)
 
     def covariance(self) -> Array | None:
@@ -146,9 +146,10 @@ class ProgrammeStations:
     """
     Data of the stations for the programme, one entry per station.
 
-    md, shape (n,): measured depth, m. sigmas, shape (n, 2): 1 sigma of inclination and azimuth of each station, rad,
-    NaN if unknown. measured: True for stations, False for projected or planned points. legs, tools, methods: leg,
-    serial number of the tool, method of the azimuth; empty text if unknown.
+    md, shape (n,): measured depth, m.
+    sigmas, shape (n, 2): 1 sigma of inclination and azimuth of each station, rad, NaN if unknown.
+    measured: True for stations, False for projected or planned points.
+    legs, tools, methods: leg, serial number of the tool, method of the azimuth; empty text if unknown.
     """
 
     md: Array

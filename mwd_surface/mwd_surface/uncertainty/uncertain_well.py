@@ -21,9 +21,12 @@ class UncertainWell:
     """
     Stations of a well, the tools that measured them, and the size of the hole.
 
-    md, inclination, azimuth: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m. north: north of
-    azimuths and axes. radius: radius of the open hole, m. surveyed: measured depth of the last survey, m; the path
-    below is projected or planned. remarks: assumptions made for the list of stations.
+    md, inclination, azimuth: shape (n,), m and rad.
+    positions: shape (n, 3), north, east, down, m.
+    north: north of azimuths and axes.
+    radius: radius of the open hole, m.
+    surveyed: measured depth of the last survey, m; the path below is projected or planned.
+    remarks: assumptions made for the list of stations.
     """
 
     name: str

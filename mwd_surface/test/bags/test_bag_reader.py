@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zstandard
+from mcap.records import Header
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag2 import Reader as RosbagsReader
 from rosbags.rosbag2 import StoragePlugin
@@ -24,7 +25,7 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.mcap.reader import McapFile
 from mwd_surface.bags.mcap.records import MAGIC, ChunkHead
-from mwd_surface.bags.mcap.writer import chunk_prefix, header_record
+from mwd_surface.bags.mcap.writer import chunk_prefix, packed
 
 START = 1_700_000_000_000_000_000
 HOUR = 3600 * 10**9
@@ -394,7 +395,7 @@ def test_a_hostile_length_is_refused_in_bounded_memory(bag_path, tmp_path, at):
 def test_a_decompression_bomb_is_refused(tmp_path):
     bomb = zstandard.ZstdCompressor().compress(bytes(2**30))
     head = ChunkHead(START, START, 2**30, 0, "zstd", len(bomb), 0)
-    (tmp_path / "bomb.mcap").write_bytes(MAGIC + header_record("x") + chunk_prefix(head) + bomb)
+    (tmp_path / "bomb.mcap").write_bytes(MAGIC + packed(Header("ros2", "x")) + chunk_prefix(head) + bomb)
     with pytest.raises(BagError, match="above the limit"):
         Bag(tmp_path / "bomb.mcap")
 

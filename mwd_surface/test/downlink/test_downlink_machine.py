@@ -217,7 +217,7 @@ def test_an_interlock_that_breaks_before_the_first_symbol_waits_again():
     assert rig.play(10.0) == DownlinkState.ARMED
     assert rig.play(1.0, in_slips=True) == DownlinkState.GRANTED
     assert rig.play(10.0) == DownlinkState.ARMED
-    assert rig.play(10.0, rotary_speed=100.0 * RPM) == DownlinkState.ARMED, "an unsteady drilling value is waited out"
+    assert rig.play(10.0, rotary_speed=100.0 * RPM) == DownlinkState.ARMED, "an unsteady rotary speed is waited out"
     assert rig.play(20.0) == DownlinkState.RUNNING
 
 

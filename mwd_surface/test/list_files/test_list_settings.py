@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from mwd_estimation.core.north import North
 from mwd_surface.clearance.offset_wells import OffsetWellError, offset_well, read_offset_wells
 from mwd_surface.cli import app
-from mwd_surface.commands.list_options import NAMES
+from mwd_surface.commands.list_options import LIST
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_settings import NODE, ListSettings, asked
 from mwd_surface.live.plan_monitor import PlanMonitor
@@ -53,8 +53,9 @@ def said(words, option):
 
 
 def test_the_words_of_commands_node_and_offset_wells_are_the_same():
-    assert tuple(field.name for field in dataclasses.fields(ListSettings)) == NAMES
-    assert set(NAMES) <= {field.name for field in dataclasses.fields(PlanSettings)}
+    names = set(LIST.options)
+    assert {field.name for field in dataclasses.fields(ListSettings)} == names
+    assert names <= {field.name for field in dataclasses.fields(PlanSettings)}
 
 
 @pytest.mark.parametrize("name", [*LISTS, "plain"])

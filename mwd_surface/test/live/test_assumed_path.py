@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from mwd_surface.cli import app
 from mwd_surface.list_files.remark import Remark, RemarkKind
-from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.survey_book import SurveyBook
@@ -35,11 +35,11 @@ CHOICES = {"--north NORTH": "--north grid", "--length-unit UNIT": "--length-unit
 def alarms_of(surveys):
     """The alarms about assumptions, by kind."""
     clock = WellClock(example.MADE)
-    log = AlarmLog(clock)
+    log = AlarmLog(lambda: clock.now_ns)
     context = WellContext(clock, LiveState(), log)
     SurveyBook(context, PlanMonitor(context), surveys, DepthRules()).show()
     prefix = "path.assumed."
-    return {one.id.removeprefix(prefix): one for one in log.book.alarms() if one.id.startswith(prefix) and one.active}
+    return {one.id.removeprefix(prefix): one for one in log.alarms() if one.id.startswith(prefix) and one.active}
 
 
 def station(depth):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.core import gauge_burst, wire
-from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.live_well import LiveWell, first_list, live_settings
 from mwd_surface.live.plan_monitor import PlanMonitor
@@ -66,7 +66,7 @@ def elements(*roots):
 
 def well_of(settings):
     clock = WellClock(BEGIN)
-    context = WellContext(clock, LiveState(live_settings(settings)), AlarmLog(clock), WellOutlet())
+    context = WellContext(clock, LiveState(live_settings(settings)), AlarmLog(lambda: clock.now_ns), WellOutlet())
     plan = PlanMonitor(context)
     book = SurveyBook(context, plan, first_list(settings), settings.depth)
     # The messages that are not samples come as the objects that they are decoded to.

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import example_surveys as example
 import pytest
-from example_alarms import Alarms
+from example_alarms import active
 
-from mwd_surface.live.alarms import Severity
+from mwd_surface.live.alarms import AlarmLog, Severity
 from mwd_surface.live.clearance_monitor import ClearanceMonitor
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.well_clock import WellClock
@@ -44,14 +44,14 @@ def surveys(folder):
 
 
 def monitor():
-    context = SimpleNamespace(clock=WellClock(), live=LiveState(), alarm_log=Alarms(), outlet=Worker())
+    context = SimpleNamespace(clock=WellClock(), live=LiveState(), alarm_log=AlarmLog(lambda: 1), outlet=Worker())
     return ClearanceMonitor(context, SimpleNamespace(plan=None)), context
 
 
 def test_a_well_too_near_stops_drilling_and_stands_on_the_page(folder):
     watched, context = monitor()
     watched.update(surveys(folder), 642.5)
-    alarm = context.alarm_log.active()["clearance.separation"]
+    alarm = active(context.alarm_log)["clearance.separation"]
     assert alarm.severity == Severity.CRITICAL
     assert "A-3 is " in alarm.text
     assert "stop drilling" in alarm.remedy
@@ -66,7 +66,7 @@ def test_the_alarm_goes_with_its_cause(folder):
     watched.update(surveys(folder), 642.5)
     (folder / "wells.yaml").write_text(NEAR.replace("-20.0", "-2000.0"))
     watched.update(surveys(folder), 642.5)
-    assert context.alarm_log.active() == {}
+    assert active(context.alarm_log) == {}
     watched.update(example.surveys(), 642.5)
     assert context.live.at(1.0).clearance == ()
 
@@ -89,12 +89,12 @@ def test_a_file_that_cannot_be_used_is_an_alarm(folder):
     watched, context = monitor()
     (folder / "wells.yaml").write_text("wells: [{name: A-3, file: lost.csv, north_m: 5.0}]")
     watched.update(surveys(folder), 642.5)
-    alarm = context.alarm_log.active()["clearance.wells"]
+    alarm = active(context.alarm_log)["clearance.wells"]
     assert alarm.severity == Severity.WARNING
     assert "lost.csv" in alarm.text
     (folder / "wells.yaml").unlink()
     watched.update(surveys(folder), 642.5)
-    assert "No such file" in context.alarm_log.active()["clearance.wells"].text
+    assert "No such file" in active(context.alarm_log)["clearance.wells"].text
 
 
 def test_an_assumption_is_a_remark_of_the_page_and_no_alarm(folder):
@@ -103,7 +103,7 @@ def test_an_assumption_is_a_remark_of_the_page_and_no_alarm(folder):
     beside.write_text(beside.read_text().replace("azi_grid_deg", "azi_deg"))
     (folder / "wells.yaml").write_text(NEAR.replace("-20.0", "-2000.0"))
     watched.update(surveys(folder), 642.5)
-    assert context.alarm_log.active() == {}
+    assert active(context.alarm_log) == {}
     table = StateJson().snapshot(context.live.at(1.0))["sections"]["clearance"]
     assert any("north of its azimuths" in text for text in table["remarks"])
 
@@ -116,5 +116,5 @@ def test_a_hole_that_was_not_compared_is_an_alarm(folder):
     beside.write_text(f"{lines[0]},tvd_m,ns_m,ew_m\n{rows}\n")
     (folder / "wells.yaml").write_text(NEAR.replace("-20.0", "-2000.0"))
     watched.update(surveys(folder), 642.5)
-    alarm = context.alarm_log.active()["clearance.wells"]
+    alarm = active(context.alarm_log)["clearance.wells"]
     assert "not compared" in alarm.text

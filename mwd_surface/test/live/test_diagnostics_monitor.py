@@ -75,3 +75,16 @@ def test_the_end_of_a_simulation_lasts_until_its_node_begins_anew():
     assert found.over_at is not None
     scenario("sonde")
     assert found.over_at is None
+
+
+def test_the_state_of_a_link_raises_no_second_alarm_and_a_failing_line_raises_one():
+    raised = {}
+    found, _, _ = monitor()
+    found._alarm_log = SimpleNamespace(set_alarms=lambda _prefix, causes: raised.update(causes))
+    for name in ("link", "link em", "serial line"):
+        status = DiagnosticStatus(
+            name=f"/w/receiver: {name}", hardware_id="/w", level=DiagnosticStatus.ERROR, message="no"
+        )
+        found.on_diagnostics(DiagnosticArray(status=[status]))
+        found.update(found._clock.now)
+        assert set(raised) == ({"node.w/receiver.serial line"} if name == "serial line" else set())

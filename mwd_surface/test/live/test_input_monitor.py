@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.core import wire
-from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.input_monitor import InputMonitor
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.source_selection import SourceRules, SourceSelection
@@ -19,7 +19,7 @@ BIT, BLOCK, SLIPS = 1, 4, 1024
 def monitor():
     """An open monitor that has heard the rig floor say 1000 m."""
     clock, selection = WellClock(10**18), SourceSelection(SourceRules())
-    monitor = InputMonitor(WellContext(clock, LiveState(), AlarmLog(clock)), selection, link=False)
+    monitor = InputMonitor(WellContext(clock, LiveState(), AlarmLog(lambda: clock.now_ns)), selection, link=False)
     selection.choose(["rig_floor"], clock.now)
     monitor.on_rig_input("rig_floor", rig([1000.0]))
     return monitor

@@ -7,11 +7,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from example_alarms import Alarms
+from example_alarms import active
 
 from mwd_sensors.core import wire
 from mwd_sensors.telemetry.log_channels import LogSample
-from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.log_monitor import LogMonitor
 from mwd_surface.live.plan_monitor import PlanMonitor
@@ -35,7 +35,7 @@ def message(at_s=50.0, **more):
 
 @pytest.mark.parametrize("offset", [math.inf, -math.inf, -1e9, 1e9])
 def test_a_sensor_that_cannot_be_there_raises_an_alarm_that_ends_and_the_log_goes_on(offset):
-    alarms, live, logs = Alarms(), LiveState(), DepthLog()
+    alarms, live, logs = AlarmLog(lambda: 1), LiveState(), DepthLog()
     monitor = LogMonitor(
         SimpleNamespace(live=live, alarm_log=alarms), SimpleNamespace(logs=logs, health=HealthLedger(), journal=None)
     )
@@ -43,14 +43,14 @@ def test_a_sensor_that_cannot_be_there_raises_an_alarm_that_ends_and_the_log_goe
         logs.add_depth(T0 + at * S, 1000.0)
     monitor.on_sample(message(sensor_to_bit=offset))
     monitor.update(1.0)
-    (text,) = (alarm.text for alarm in alarms.active().values())
+    (text,) = (alarm.text for alarm in active(alarms).values())
     assert "sensor" in text
     monitor.on_sample(message())
     monitor.update(2.0)
     assert [len(curve.depth) for curve in live.at(2.0).logs] == [1]
-    assert alarms.active()
+    assert active(alarms)
     monitor.update(100.0)
-    assert not alarms.active()
+    assert not active(alarms)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_a_sensor_that_cannot_be_there_raises_an_alarm_that_ends_and_the_log_goe
 def test_a_surface_of_one_link_uses_no_sample_of_another(source, link, used):
     logs, health = DepthLog(), HealthLedger()
     book = SimpleNamespace(logs=logs, health=health, journal=None)
-    monitor = LogMonitor(SimpleNamespace(live=LiveState(), alarm_log=Alarms()), book, source)
+    monitor = LogMonitor(SimpleNamespace(live=LiveState(), alarm_log=AlarmLog(lambda: 1)), book, source)
     for at in range(101):
         logs.add_depth(T0 + at * S, 1000.0)
     monitor.on_sample(message(link=link))
@@ -77,7 +77,7 @@ def test_a_surface_of_one_link_uses_no_sample_of_another(source, link, used):
 
 
 def test_a_full_disk_raises_one_alarm_while_the_rig_data_go_on_and_ends_with_its_cause(tmp_path):
-    alarms, logs, health = Alarms(), DepthLog(), HealthLedger()
+    alarms, logs, health = AlarmLog(lambda: 1), DepthLog(), HealthLedger()
     journal = LogJournal(tmp_path / "surveys" / "journal")
     book = SimpleNamespace(logs=logs, health=health, journal=journal)
     monitor = LogMonitor(SimpleNamespace(live=LiveState(), alarm_log=alarms), book)
@@ -92,21 +92,21 @@ def test_a_full_disk_raises_one_alarm_while_the_rig_data_go_on_and_ends_with_its
         monitor.on_rig_state(rig, 100.0)
         monitor.on_sample(message(second))
         monitor.update(float(second))
-        assert [alarm.id for alarm in alarms.active().values()] == ["log.journal"]
+        assert [alarm.id for alarm in active(alarms).values()] == ["log.journal"]
     assert health.health().stamp_ns > T0
     (tmp_path / "away").rename(tmp_path / "surveys")
     for second in range(40, 80):
         rig["stamp_ns"] = T0 + second * S
         monitor.on_rig_state(rig, 100.0)
         monitor.update(float(second))
-    assert not alarms.active()
+    assert not active(alarms)
     journal.close()
     assert len((tmp_path / "surveys" / "journal").read_bytes().splitlines()) >= 25
 
 
 def test_a_depth_set_by_hand_places_the_samples_of_its_time():
     clock = WellClock(T0)
-    context = WellContext(clock, LiveState(), AlarmLog(clock), WellOutlet())
+    context = WellContext(clock, LiveState(), AlarmLog(lambda: clock.now_ns), WellOutlet())
     book = SurveyBook(context, PlanMonitor(context), SurveyList(), DepthRules())
     for at in (45, 55):
         book.set_depth_by_hand(T0 + at * S, 500.0)

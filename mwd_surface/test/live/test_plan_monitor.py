@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mwd_sensors.core.angle_convention import CONVENTIONS
 from mwd_surface.list_files.list_error import ListFileError
-from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.settings import PlanSettings
@@ -43,11 +43,11 @@ def test_every_design_that_the_settings_can_describe_is_a_plan_or_a_reason(azimu
 
 def test_a_wrong_angle_is_an_alarm_until_it_is_corrected_and_the_later_settings_apply():
     clock = WellClock(10**18)
-    log = AlarmLog(clock)
+    log = AlarmLog(lambda: clock.now_ns)
     monitor = PlanMonitor(WellContext(clock, LiveState(), log))
     well = Well(convention="inclination")
     for angle, possible in ((92.0, True), (-2.0, False), (95.0, True)):
         settings = PlanSettings(opening_azimuth_deg=40.0, opening_angle_deg=angle)
         monitor.use(PlanMonitor.read(settings, well))
         assert (monitor.plan is not None) == possible
-        assert [alarm.id for alarm in log.book.alarms()] == ([] if possible else ["plan.file"])
+        assert [alarm.id for alarm in log.alarms()] == ([] if possible else ["plan.file"])

@@ -6,21 +6,20 @@ from types import SimpleNamespace
 import pytest
 
 from mwd_sensors.core import wire
-from mwd_surface.live.alarms import AlarmBook
+from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.stream_decoder import StreamDecoder
 
 
 def decoder():
-    got, book, warned = [], AlarmBook(), []
+    got, log, warned = [], AlarmLog(lambda: 0), []
     seen = {}
 
     def take(samples):
         got.extend(samples["bit_depth"])
         return samples
 
-    alarm_log = SimpleNamespace(set_alarms=lambda prefix, causes: book.sync(prefix, causes, 0))
-    context = SimpleNamespace(live=LiveState(), alarm_log=alarm_log, outlet=SimpleNamespace(warn=warned.append))
+    context = SimpleNamespace(live=LiveState(), alarm_log=log, outlet=SimpleNamespace(warn=warned.append))
     made = StreamDecoder(
         context,
         on_attitude=lambda _samples: None,
@@ -29,7 +28,7 @@ def decoder():
         on_rig_input=lambda frame, samples: seen.setdefault(frame, []).extend(samples["bit_depth"]),
     )
     made.seen = seen
-    return made, got, book, warned
+    return made, got, log, warned
 
 
 def rig_state(depth, frame, stamp_ns):
@@ -41,22 +40,22 @@ def rig_state(depth, frame, stamp_ns):
 @pytest.mark.fault_case(53)
 @pytest.mark.parametrize("other", ["rig_floor_2", "wits_in_", "x"])
 def test_a_second_writer_of_the_rig_state_is_named_and_not_used(other):
-    made, got, book, _ = decoder()
+    made, got, log, _ = decoder()
     for k in range(20):
         both = [rig_state(1000.0 + k, "rig_floor", k), rig_state(10.0, other, k)]
         made.buffers["rig/state"] += both if k == 0 else both[::-1]
         made.decode_all(0.05 * k)
     made.update(1.0)
     assert got == [1000.0 + k for k in range(20)]
-    (alarm,) = book.alarms()
+    (alarm,) = log.alarms()
     assert other in alarm.text
     assert "rig_floor is used" in alarm.text
     made.update(100.0)
-    assert not any(alarm.active for alarm in book.alarms())
+    assert not any(alarm.active for alarm in log.alarms())
 
 
 def test_every_source_of_rig_data_is_heard_and_one_that_has_its_place_is_no_alarm():
-    made, got, book, _ = decoder()
+    made, got, log, _ = decoder()
     for k in range(20):
         made.buffers["rig/state"] += [
             rig_state(10.0, "w/rig_wits", 2 * k),
@@ -67,15 +66,15 @@ def test_every_source_of_rig_data_is_heard_and_one_that_has_its_place_is_no_alar
     assert made.seen == {"w/rig_wits": [10.0] * 20, "w/rig_floor": [1000.0 + k for k in range(20)]}
     # In one block with the best source from the start: it is used at once.
     assert got == made.seen["w/rig_floor"]
-    assert not book.alarms()
+    assert not log.alarms()
 
 
 @pytest.mark.fault_case(66)
 def test_a_message_that_is_none_costs_only_itself():
-    made, got, book, _ = decoder()
+    made, got, log, _ = decoder()
     made.buffers["rig/state"] += [rig_state(1.0, "rig_floor", 1), b"\x00\x01\x00\x00", rig_state(2.0, "rig_floor", 2)]
     made.decode_all(0.0)
     assert got == [1.0, 2.0]
     made.update(0.0)
     assert made.unreadable == 1
-    assert not book.alarms()
+    assert not log.alarms()

@@ -76,3 +76,15 @@ def test_what_is_silent_after_the_end_of_a_simulation_raises_no_alarm_and_what_c
     monitor.message_received("imu/data_raw")
     monitor.update(monitor._clock.now + 30.0, 0.0, 0.0, MACHINE)
     assert [key for key in alarms.standing if key.startswith(("input.", "heartbeat."))] == ["input.imu/data_raw"]
+
+
+def test_the_node_that_made_the_data_may_end_at_any_time_after_the_end(watched):
+    monitor, alarms = watched
+    monitor.over_at, monitor.over_by = monitor._clock.now, "sonde"
+    monitor._clock.now_ns += 10 * 10**9
+    for node in NODES:
+        monitor.on_heartbeat(Heartbeat(f"/well_1/{node}", "/well_1").message("active", b"\0"))
+    monitor.update(monitor._clock.now + 30.0, 0.0, 0.0, MACHINE)
+    silent = {key for key in alarms.standing if key.startswith("heartbeat.")}
+    assert "heartbeat.sonde" not in silent
+    assert "heartbeat.receiver" in silent

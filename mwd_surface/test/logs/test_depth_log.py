@@ -554,3 +554,24 @@ def test_a_depth_that_is_older_than_the_last_one_replaces_the_later_ones(ahead_s
     assert not disturbed.unplaced
     assert disturbed.newest()["gamma"] == whole.newest()["gamma"]
     assert disturbed.curve("gamma").depth.tolist() == whole.curve("gamma").depth.tolist()
+
+
+@pytest.mark.fault_case(74)
+@pytest.mark.parametrize("lasts_s", [1, 7, 60, None])
+@pytest.mark.parametrize("step_m", [-600.0, -12.0, 12.0, 3000.0])
+@pytest.mark.parametrize("away_m", [0.0, 9.0])
+def test_a_wrong_depth_of_the_rig_stops_no_pass_after_it_has_ended(step_m, lasts_s, away_m):
+    """The depth steps at 600 s, on bottom or pulled off it, and comes back after `lasts_s` or never."""
+
+    def depth_of(at):
+        wrong = 600 <= at < (math.inf if lasts_s is None else 600 + lasts_s)
+        off = away_m * max(0.0, 1.0 - abs(at - 600) / 120.0)
+        return 1000.0 + 0.01 * at - off + (step_m if wrong else 0.0)
+
+    log = drilled(depth_of, 1800)
+    for which in (FIRST, DEEPEST):
+        filled = np.isfinite(log.curve("gamma", which).value)
+        depth = log.curve("gamma", which).depth[filled]
+        end = depth_of(1790) - OFFSET
+        late = depth[(depth > end - 8.0) & (depth <= end)]
+        assert len(late) >= 75, which

@@ -165,7 +165,7 @@ def test_the_memory_of_a_run_is_merged_whatever_its_clock_says(bags, tmp_path):
         app, ["memory", "merge", str(bags[1]), str(tmp_path / "dump"), "-o", str(tmp_path / "m.las")]
     )
     assert done.exit_code == 0, done.output
-    assert float(done.output.split("clock of the memory: ")[1].split()[0]) == pytest.approx(40.0, abs=0.1)
+    assert float(done.output.split("clock of the tool's memory: ")[1].split()[0]) == pytest.approx(40.0, abs=0.1)
     assert "filled from the memory" in done.output
     depth, gamma = (lasio.read(io.StringIO((tmp_path / "m.las").read_text()))[name] for name in ("DEPT", "GR"))
     assert np.nanmean(gamma[depth < 100.5]) == pytest.approx(40.0, abs=5.0)

@@ -11,7 +11,7 @@ import pytest
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_sensors.telemetry.tool_limits import ExposureLimit, ToolLimits
 from mwd_surface.logs.depth_log import FIRST, DepthLog
-from mwd_surface.logs.log_journal import LogJournal
+from mwd_surface.logs.log_journal import LogJournal, lines_of, restore
 from mwd_surface.logs.tool_health import HealthLedger
 
 S = 10**9
@@ -100,9 +100,8 @@ def test_a_full_disk_costs_its_lines_alone_and_is_written_again_later(tmp_path, 
     journal.close()
     lines = path.read_bytes().splitlines()
     assert sum(b'"at":' in line and line.endswith(b"}") for line in lines) == 2
-    log, again = DepthLog(), LogJournal.read(path)
-    again.restore(log, HealthLedger())
-    assert again.unreadable == (1 if room else 0)
+    log = DepthLog()
+    assert restore(lines_of(path), log, HealthLedger()) == (1 if room else 0)
     log.finish()
     assert log.channels == ("gamma",)
 

@@ -161,6 +161,31 @@ def test_a_revision_is_applied_published_shown_logged_and_told_by_an_alarm_of_lo
     assert "survey.revised" not in server.log.standing
 
 
+def test_the_alarm_of_a_refused_survey_ends_with_the_next_survey_that_the_list_takes(server):
+    server.server.on_survey(dataclasses.replace(example.survey(1, 10.0, 40.0), inclination=math.nan))
+    assert server.log.standing["survey.refused"][0] == Severity.WARNING
+    server.server.on_survey(example.survey(2, 10.0, 40.0))
+    assert "survey.refused" not in server.log.standing
+
+
+@pytest.mark.parametrize("end", ["accepted", "rejected", "revised", "next survey"])
+@pytest.mark.parametrize("verdict", [Verdict.DOUBTFUL, Verdict.REJECT])
+def test_the_alarm_of_a_doubtful_azimuth_ends_with_the_doubt(server, verdict, end):
+    sound = example.survey(1, 10.0, 40.0)
+    doubtful = dataclasses.replace(sound, verdict=int(verdict), verdict_azimuth=int(verdict), headline="steel")
+    server.server.on_survey(doubtful)
+    severity = Severity.CRITICAL if verdict == Verdict.REJECT else Severity.WARNING
+    assert server.log.standing["survey.azimuth"][0] == severity
+    if end in ("accepted", "rejected"):
+        service = server.server.accept if end == "accepted" else server.server.reject
+        assert decide(service, reason="measured again").success
+    elif end == "revised":
+        server.server.on_revision(dataclasses.replace(sound, revision=1))
+    else:
+        server.server.on_survey(example.survey(2, 10.0, 40.0))
+    assert "survey.azimuth" not in server.log.standing
+
+
 @pytest.mark.parametrize("verdict", [Verdict.ACCEPT, Verdict.DOUBTFUL])
 def test_a_value_of_a_person_that_later_surveys_contradict_is_an_alarm_until_a_person_decides(server, verdict):
     first = example.survey(1, 10.0, 40.0)

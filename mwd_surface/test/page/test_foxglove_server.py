@@ -12,15 +12,7 @@ import aiohttp
 import pytest
 
 from mwd_surface.bags.definitions import installed
-from mwd_surface.page.foxglove_server import (
-    MOST_CONNECTIONS,
-    NEW,
-    OLD,
-    FoxgloveError,
-    FoxgloveServer,
-    FoxgloveSettings,
-    renamed,
-)
+from mwd_surface.page.foxglove_server import FoxgloveError, FoxgloveServer, FoxgloveSettings
 
 TEMPERATURE, LIST = "sensor_msgs/msg/Temperature", "mwd_msgs/msg/SurveyList"
 MESSAGE, TIME, TEXT, BINARY = 1, 2, aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY
@@ -64,16 +56,15 @@ class Client:
         await self.talk.send_json({"op": "subscribe", "subscriptions": [one]})
 
 
-def watched(server, script, protocol="foxglove.sdk.v1"):
+def watched(server, script):
     """Run `script(client)` against the server."""
 
     async def run():
         address = server.address.replace("ws:", "http:")
         async with (
             aiohttp.ClientSession() as session,
-            session.ws_connect(address, protocols=[protocol]) as talk,
+            session.ws_connect(address, protocols=["foxglove.sdk.v1"]) as talk,
         ):
-            assert talk.protocol == protocol
             client = Client(talk)
             await client.until(lambda c: c.info)
             await script(client)
@@ -82,8 +73,7 @@ def watched(server, script, protocol="foxglove.sdk.v1"):
     return asyncio.run(run())
 
 
-@pytest.mark.parametrize("protocol", ["foxglove.sdk.v1", "foxglove.websocket.v1"])
-def test_a_client_gets_the_bytes_the_stamp_and_the_schema_of_a_recording(server, protocol):
+def test_a_client_gets_the_bytes_the_stamp_and_the_schema_of_a_recording(server):
     data = bytes(range(48))
     server.put("/w1/imu/temperature", TEMPERATURE, data, 5)
 
@@ -100,7 +90,7 @@ def test_a_client_gets_the_bytes_the_stamp_and_the_schema_of_a_recording(server,
                 except TimeoutError:
                     continue
 
-    client = watched(server, script, protocol)
+    client = watched(server, script)
     assert client.info["name"] == "/w1"
     channel = client.channels["/w1/imu/temperature"]
     assert (channel["encoding"], channel["schemaName"], channel["schemaEncoding"]) == ("cdr", TEMPERATURE, "ros2msg")
@@ -130,25 +120,6 @@ def test_one_that_says_nothing_of_a_handshake_does_not_keep_others_out(server):
         watched(server, script)
 
 
-def test_connections_beyond_the_most_are_closed_and_a_place_that_is_free_again_is_given(server):
-    host, _, port = server.address.removeprefix("ws://").partition(":")
-    with contextlib.ExitStack() as held:
-        for _ in range(MOST_CONNECTIONS):
-            held.enter_context(socket.create_connection((host, int(port)), 30.0))
-        with socket.create_connection((host, int(port)), 30.0) as one_more:
-            assert one_more.recv(10) == b""
-
-    async def script(client):
-        assert client.info["name"] == "/w1"
-
-    for _ in range(100):
-        # The places are free once the server has seen that the others went.
-        with contextlib.suppress(aiohttp.ClientError):
-            watched(server, script)
-            return
-    raise AssertionError("no place became free")
-
-
 def test_clients_are_told_a_time_that_is_not_the_wall_s():
     simulated = FoxgloveServer(FoxgloveSettings(enabled=True, port=0), "/w1", simulated_clock=True)
     simulated.start()
@@ -161,7 +132,7 @@ def test_clients_are_told_a_time_that_is_not_the_wall_s():
                 async with asyncio.timeout(0.05):
                     await client.until(lambda c: c.times)
 
-    assert set(watched(simulated, script, "foxglove.websocket.v1").times) == {5_000_000_000}
+    assert set(watched(simulated, script).times) == {5_000_000_000}
     simulated.stop()
 
 
@@ -170,15 +141,6 @@ def test_the_time_of_the_wall_is_not_told(server):
         assert "time" not in client.info["capabilities"]
 
     watched(server, script)
-
-
-def test_only_the_header_of_the_protocol_is_changed():
-    head = b"GET /?foxglove.websocket.v1 HTTP/1.1\r\nsec-websocket-protocol: foxglove.websocket.v1, x\r\n\r\n"
-    changed, was = renamed(head, OLD, NEW)
-    assert was
-    assert changed == head.replace(b"ol: foxglove.websocket.v1", b"ol: foxglove.sdk.v1")
-    both = b"Sec-WebSocket-Protocol: foxglove.sdk.v1,foxglove.websocket.v1\r\n\r\n"
-    assert renamed(both, OLD, NEW) == (both, False)
 
 
 def test_one_who_comes_late_gets_the_last_of_a_latched_topic(server):

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from mwd_sensors.core import wire
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule
-from mwd_surface.live.alarms import AlarmBook, Severity
+from mwd_surface.live.alarms import AlarmLog, Severity
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import AlarmState, DiagnosticLevel, NodeDiagnostic, ReferenceFieldState, SurveyProgress
 from mwd_surface.page.plain import plain
@@ -126,9 +126,9 @@ def test_the_level_of_a_diagnostic_is_a_word():
 
 
 def test_alarms_events_and_the_recorder_get_through():
-    book, state = AlarmBook(), ShownState()
-    book.raise_alarm("x.y", Severity.CRITICAL, "bad", "do", 5)
-    state.show(0.0, alarms=AlarmState(book.alarms()), events=book.events())
+    log, state = AlarmLog(lambda: 5), ShownState()
+    log.raise_alarm("x.y", Severity.CRITICAL, "bad", "do")
+    state.show(0.0, alarms=AlarmState(log.alarms()), events=log.events())
     state.on_recorder(recorder(), 0.0)
     got = sections(state, 1.0)
     assert got["alarms"]["rows"][0]["severity_word"] == got["events"]["rows"][0]["severity_word"] == "critical"

@@ -116,7 +116,7 @@ def test_spectra_and_allan_plots_have_their_units_and_figures():
     assert len(force.lines) == 3
     gyro = axes(picture, "angular rate, still for")
     assert gyro.get_ylabel() == "Allan deviation, deg/h"
-    assert "deg/√h; least" in gyro.lines[0].get_label()
+    assert "deg/√h; lowest" in gyro.lines[0].get_label()
     assert len([ax for ax in picture.axes if ax.get_images()]) == 2
     assert len(data.allan) == 4
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mwd_surface.receiver.belief import SURVEY_LEVEL, TOOLFACE_LEVEL, Candidate, Doubt, Soft, judge, second_tool
+from mwd_surface.receiver.belief import SURVEY_LEVEL, TOOLFACE_LEVEL, Candidate, Doubt, Soft, judge
 
 
 def soft(right=0.999, holds=0.98):
@@ -101,12 +101,48 @@ def test_help_and_tutorial_name_the_probability_from_which_a_word_is_believed():
         ), page
 
 
+# Words with clear pulses: with a parity that holds, with one that shows nothing, and without any.
+HELD, OPEN, PLAIN = (Soft((Candidate(1, 1.0),), holds, 6.0) for holds in (1.0, 0.5, None))
+
+
+def after_sync(size, words=()):
+    """Return the doubt after a sync of a size, and the trust in the words that follow it."""
+    doubt = Doubt()
+    doubt.hear_sync(size, 0.12)
+    return doubt, doubt.learn(list(words))
+
+
 def test_a_sync_larger_than_the_words_shows_a_second_tool_unless_the_parities_hold():
-    open_, held = (Soft((Candidate(1, 0.9),), holds) for holds in (0.5, 1.0))
     sizes = (0.8, 1.0, 1.2, 1.4, 1.6, 1.8)
-    chances = [second_tool(size, 0.12, [open_] * 8) for size in sizes]
+    unsure = [after_sync(size, [OPEN] * 8) for size in sizes]
+    chances = [doubt.two_tools for doubt, _ in unsure]
     assert chances == sorted(chances)
     assert chances[1] < 0.002
     assert chances[-1] > 0.9
-    assert all(second_tool(size, 0.12, [held] * 8) < one for size, one in zip(sizes, chances, strict=True))
-    assert second_tool(1.8, np.inf, [open_]) == 0.0
+    assert max(unsure[-1][1]) < 0.1
+    assert min(unsure[1][1]) > 0.99
+    assert all(after_sync(size, [HELD] * 8)[0].two_tools <= one for size, one in zip(sizes, chances, strict=True))
+    assert after_sync(1.6, [HELD] * 8)[0].two_tools < 0.5
+    unknown = Doubt()
+    unknown.hear_sync(1.8, np.inf)
+    assert unknown.two_tools == Doubt().two_tools
+
+
+def test_a_tool_is_believed_again_after_a_second_one_falls_silent():
+    doubt, trusted = after_sync(1.7, [OPEN] * 10)
+    assert max(trusted) < 0.1
+    assert doubt.learn([HELD] * 14)[-1] > 0.99
+    assert doubt.two_tools < 0.01
+
+
+def test_a_wrong_parity_behind_a_sync_of_the_usual_size_is_no_second_tool():
+    doubt, trusted = after_sync(1.0, [Soft((Candidate(1, 1.0),), 0.0, 6.0)] * 30)
+    assert max(trusted) < 0.01
+    assert doubt.two_tools < 0.01
+
+
+def test_a_survey_word_is_not_believed_before_its_parities_or_the_sync_exclude_a_second_tool():
+    before, heard = Doubt(), after_sync(1.0)[0]
+    assert max(before.learn([PLAIN] * 30)) < SURVEY_LEVEL
+    assert heard.learn([PLAIN] * 5)[-1] > SURVEY_LEVEL
+    assert Doubt().learn([HELD] * 2)[-1] > SURVEY_LEVEL

@@ -12,6 +12,7 @@ from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_surface.surveys.final_list import ListSource, final_list
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Value
+from mwd_surface.surveys.well_position import programme_stations
 
 
 def two_legs(kick_off_m=500.0):
@@ -54,7 +55,7 @@ def test_in_an_overlap_the_surer_survey_is_used_and_the_other_stays_in_the_list(
     # Above the kick-off at 500 m the stations belong to the leg that the sidetrack leaves.
     assert {r.leg for r in inside if r.measured_depth <= 500.0} == {"main"}
     assert {r.leg for r in inside if r.measured_depth > 500.0} == {"ST1"}
-    left = [r for r in final.surveys.records if not r.in_use and "ifr is used here" in r.comment]
+    left = [r for r in final.surveys.records if not r.in_use and "replaced by ifr" in r.comment]
     assert left
     # The programme gives every station in use its own code.
     codes = {interval.code for interval in final.programme.intervals}
@@ -115,3 +116,17 @@ def test_a_kick_off_below_which_the_parent_ends_moves_with_the_path_that_is_used
     parent, sidetrack = final.surveys.definitive("main"), final.surveys.definitive()
     assert sidetrack.at(480.0)[2] == pytest.approx(parent.at(480.0)[2], abs=1e-9)
     assert parent.at(480.0)[2] != pytest.approx(ends.definitive("main").at(480.0)[2], abs=1e-2)
+
+
+def test_a_kick_off_between_two_stations_of_a_source_has_the_tool_code_of_that_source():
+    whole = two_legs()
+    final = final_list([ListSource("run", whole, "MWD+SRGM"), ListSource("ifr", gyro(), "MWD+IFR1+MS")])
+    path = final.surveys.definitive()
+    records = {r.survey.sequence: r for r in final.surveys.records}
+    kick_off = path.sequence.index(0, 1)
+    around = {final.sources[path.sequence[k]] for k in (kick_off - 1, kick_off + 1)}
+    assert around == {"ifr"}
+    stations = programme_stations(path, [records.get(number) for number in path.sequence])
+    tool = final.programme.errors(stations).tools[kick_off]
+    assert tool is not None
+    assert tool.code == "MWD+IFR1+MS"

@@ -124,8 +124,7 @@ def run(unit: Unit, rng: np.random.Generator) -> list[Found]:
     """One run of eight stations of a minute, half an hour apart, at a place and with attitudes of its own."""
     latitude_deg, biases = rng.uniform(10.0, 62.0), _Biases(unit, rng)
     stated_deg = latitude_deg + unit.latitude_off * rng.choice([-1.0, 1.0]) if unit.latitude_off else latitude_deg
-    figures = dataclasses.replace(TACTICAL, gyro_noise_deg_rth=unit.stated_noise)
-    station = GyroStation(figures, stated_deg, None)
+    station = GyroStation(dataclasses.replace(TACTICAL, latitude_deg=stated_deg, gyro_noise_deg_rth=unit.stated_noise))
     errs = _lasting(unit, rng)
     inclination, azimuth, toolface = rng.uniform([20.0, 0.0, 0.0], [90.0, 360.0, 360.0]) * DEG
     found = []

@@ -22,7 +22,7 @@ LEAST_PRIOR = 1e-18  # smallest prior variance, for sensors whose settings state
 
 @compiled
 def begin(s: BoundedRecord) -> None:
-    """Discard the influence of the errors at a start, because it belongs to an earlier attitude."""
+    """Discard the influence of the errors when the filter restarts, because it belongs to an earlier attitude."""
     s.accelerometer.age = 0.0
     s.accelerometer.influence[:] = 0.0
 

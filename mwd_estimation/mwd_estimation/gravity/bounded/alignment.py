@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Start of the bounded filter: first attitude from the mean force, and restarts.
+Alignment of the bounded filter: first attitude from the mean force. Each start and restart of the filter aligns.
 
 A restart keeps bias, scale and lever arm of the sensors. If only the roll was lost, it keeps the inclination too.
 """
@@ -25,23 +25,23 @@ from mwd_estimation.gravity.bounded.state import (
 from mwd_sensors.core.arrays import Vector
 from mwd_sensors.core.compiled import compiled
 
-START_TIME = 0.3  # s, time over which forces are averaged
-CORRELATED = 0.05  # s, correlation time of the scatter of the force
-START_SIGMA = 0.06  # rad, smallest sigma of the first tilt
-START_SPEED = 0.5  # m/s, 1 sigma of the velocity at a start; its variance doubles for a force scatter of 1 g
-START_PLACE = 0.1  # m, 1 sigma of the displacement at a start
-KEPT_SIGMA = 0.05  # rad, added to the sigma of an inclination that is kept from before a restart
-LOST_AFTER = 1.0  # s, smallest averaging time of the mean force for detecting a lost attitude
-LOST_FORCE2 = 25.0  # (m/s^2)^2, largest square of the mean non-gravity force at which the attitude is not lost
+START_TIME = 0.3  # time over which forces are averaged, s
+CORRELATED = 0.05  # correlation time of the scatter of the force, s
+START_SIGMA = 0.06  # smallest sigma of the first tilt, rad
+START_SPEED = 0.5  # 1 sigma of the velocity at a start, m/s; its variance doubles for a force scatter of 1 g
+START_PLACE = 0.1  # 1 sigma of the displacement at a start, m
+KEPT_SIGMA = 0.05  # added to the sigma of an inclination that is kept from before a restart, rad
+LOST_AFTER = 1.0  # smallest averaging time of the mean force for detecting a lost attitude, s
+LOST_FORCE2 = 25.0  # largest square of the mean non-gravity force at which the attitude is not lost, (m/s^2)^2
 # 1/s, factor on the density of white force; the product is added to LOST_FORCE2, because the mean of white force is not
 # exactly zero.
 WHITE2 = 9.0
-LIKE_GRAVITY = 0.5  # m/s^2, largest difference in length between gravity and a mean force that counts as gravity
+LIKE_GRAVITY = 0.5  # largest difference in length between gravity and a mean force that counts as gravity, m/s^2
 
 
 @compiled
 def begin(s: BoundedRecord) -> None:
-    """Restart attitude, velocity and position, and begin a new epoch; keep the estimated sensor errors."""
+    """Begin a new epoch: restart attitude, velocity and position, and keep the estimated sensor errors."""
     mechanisation.clear_sums(s.sums)
     accelerometer_errors.begin(s)
     for j in range(ERRORS):
@@ -89,7 +89,7 @@ def forget_motion(s: BoundedRecord) -> None:
 
 @compiled
 def unknown_motion(s: BoundedRecord, scatter: float) -> None:
-    """Set the covariance of velocity and position at a start; scatter: variance of the force / gravity^2."""
+    """Set the covariance of velocity and position after an alignment; scatter: variance of the force / gravity^2."""
     for j in range(3):
         for m in range(ERRORS):
             s.P[VEL + j, m] = s.P[m, VEL + j] = s.P[POS + j, m] = s.P[m, POS + j] = 0.0
@@ -100,10 +100,10 @@ def unknown_motion(s: BoundedRecord, scatter: float) -> None:
 @compiled
 def average(p: BoundedParams, s: BoundedRecord, dt: float, f: Vector, clips: bool) -> bool:
     """
-    Add a force, m/s^2, rotated by the gyro, to the mean of a start; return True when the first attitude is set.
+    Add a force, m/s^2, to the mean force of the alignment; return True when the first attitude is set.
 
-    dt: time since the last sample, s; clips: whether the x gyro clips. Then the rotation is unknown, so the mean
-    restarts.
+    The gyro rotates the forces to common axes. dt: time since the last sample, s; clips: whether the x gyro clips; then
+    the rotation is unknown, and the mean restarts.
     """
     step, C, turn2 = max(dt, 1e-3), s.C, s.last_w[0] ** 2
     if clips:

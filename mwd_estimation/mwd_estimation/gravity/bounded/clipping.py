@@ -12,13 +12,13 @@ from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, T
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
-HIDDEN = 0.0014  # s, shortest clipped part of a sample's interval at which the mean force of the sample is a shock
+HIDDEN = 0.0014  # shortest clipped part of a sample's interval at which the mean force of the sample is a shock, s
 UNUSUAL = 2.2  # an acceleration above this multiple of the usual one is unusual
 CHANCE = 0.0023  # share of unusual samples in Gaussian vibration (chi-square with 3 degrees of freedom)
 LOST = 1.0  # ratio of lost to measured velocity: 1.0 to 1.9 on simulated shocks above 4, 8 and 16 g
-USUAL_TIME = 0.3  # s, averaging time of the usual acceleration
-SHOCK_POWER = 1e4  # (m/s^2)^2, largest contribution of a shock to the usual acceleration
-SHOCK_MEMORY = 10.0  # s, time over which shocks are counted
+USUAL_TIME = 0.3  # averaging time of the usual acceleration, s
+SHOCK_POWER = 1e4  # largest contribution of a shock to the usual acceleration, (m/s^2)^2
+SHOCK_MEMORY = 10.0  # time over which shocks are counted, s
 QUIET = 0.05  # lower limit of the usual squared innovation, of which the gate is a multiple
 LEAST_EXPECTED = 1e-6  # smallest expected number of hidden shocks per update from which the gate is computed
 # Gate if there are no shocks: largest squared innovation over its usual variance (12 sigma). Vibration stays below it;
@@ -27,11 +27,11 @@ FARTHEST = 144.0
 # Smallest time since the last shock, s, for the gate FARTHEST: if the attitude is lost, many innovations in a row are
 # large.
 ALONE = 1.0
-SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, time constants of the low-passes of the slope of the x rate and of its curvature
+SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # time constants of the low-passes of the slope of the x rate and of its curvature, s
 CLIP_SLOPE = 15.0  # rad/s^2, 1 sigma of the slope when clipping begins
-CLIP_BRIDGE = 4.0  # s, longest clipping after which the roll is not lost
+CLIP_BRIDGE = 4.0  # longest clipping after which the roll is not lost, s
 CLIP_TILT = 9.0  # rad^2, largest variance of the tilt at the end of clipping at which the roll is not lost
-CLIP_LOST = 3.0  # rad/s, largest missing rate at the end of clipping at which the roll is not lost
+CLIP_LOST = 3.0  # largest missing rate at the end of clipping at which the roll is not lost, rad/s
 SMALL_ROLL = 1e-3  # rad^2, largest variance of the roll at which its correction may be treated as a small tilt
 NEVER = 1e30  # gate that no innovation exceeds
 
@@ -81,9 +81,9 @@ def jump_gate(s: BoundedRecord) -> float:
 
     Above the gate, an innovation comes from a hidden shock more often than from chance. The square of a normal
     innovation exceeds x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). Hidden shocks
-    are assumed to occur at random with the frequency n of the visible shocks, without the part of these that is
-    vibration by chance: the probability of at least one shock within a time T is 1 - exp(-n T). Without shocks the gate
-    is `FARTHEST`.
+    are assumed to occur at random with the frequency n of the visible shocks, minus the frequency at which vibration
+    looks like a shock by chance. The probability of at least one shock within a time T is 1 - exp(-n T). Without shocks
+    the gate is `FARTHEST`.
 
     After a rotation was lost, a large innovation comes from a wrong roll more often than from a shock. The gate is then
     `NEVER`, because a filter that takes the innovation for a shock keeps the wrong roll.

@@ -26,13 +26,13 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import wrap_angle
 
 ANGLE_WALK = 1e-5  # rad^2/s, random walk of the angle: fast drilling turns the hole by 0.6 deg in 10 s
-TILT_TIME = 3.0  # s, correlation time of the error of the roll from which the angle is estimated
-STRENGTH_TIME = 10.0  # s, averaging time of the field strength across the axis
-STAMP_ERROR = 1e-3  # s, remaining error of the delay between gyro and magnetometer (`magnetic_delay`)
+TILT_TIME = 3.0  # correlation time of the error of the roll from which the angle is estimated, s
+STRENGTH_TIME = 10.0  # averaging time of the field strength across the axis, s
+STAMP_ERROR = 1e-3  # remaining error of the delay between gyro and magnetometer, s (`magnetic_delay`)
 UNCERTAIN = 4.0  # the field is used if the variance of the roll is above this multiple of the variance by the field
-YOUNG = 3.0  # s, time after a start during which the first roll may be wrong
+YOUNG = 3.0  # time after a start during which the first roll may be wrong, s
 SURPRISE = 25.0  # largest squared innovation over its variance (5 sigma); a larger one shows a lost roll
-FRESH_NS = 500_000_000  # ns, largest age of the last magnetic sample with which the field can show the roll
+FRESH_NS = 500_000_000  # largest age of the last magnetic sample with which the field can show the roll, ns
 _NEAR_VERTICAL_SINE2 = math.sin(track.NEAR_VERTICAL_BELOW) ** 2
 
 

@@ -52,8 +52,8 @@ from mwd_sensors.core.compiled import compiled
 
 __all__ = ["BoundedParams", "BoundedState", "Log", "initial", "run", "run_logged"]
 
-TICK = 0.03  # s, time between updates of the covariance
-CLIPPED_TICK = 0.015  # s, time between updates while the x gyro clips: the tool turns by more than a radian in TICK
+TICK = 0.03  # time between updates of the covariance, s
+CLIPPED_TICK = 0.015  # time between updates while the x gyro clips, s: the tool turns by more than a radian in TICK
 _GAP, _INITIALISING = int(Status.GAP), int(Status.INITIALISING)
 _CLIPPED, _NEAR_VERTICAL, _ALIASED = int(Status.CLIPPED), int(Status.NEAR_VERTICAL), int(Status.ALIASED)
 _ACCEL_FLAG, _AXIAL_FLAG, _CROSS_FLAG = clip_flags.ACCEL, clip_flags.AXIAL_GYRO, clip_flags.CROSS_GYRO
@@ -76,7 +76,6 @@ def run(
 
     Parameters
     ----------
-    params : BoundedParams
     state : BoundedState
         State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)

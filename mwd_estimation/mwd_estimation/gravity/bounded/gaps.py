@@ -16,7 +16,7 @@ from mwd_estimation.gravity.bounded.state import BIAS, STEADY, TILT, BoundedReco
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-GAP_NS = 250_000_000  # ns, a longer step is a gap
+GAP_NS = 250_000_000  # longest step that is not a gap, ns
 STANDS_OUT = 4.0  # a step longer than this multiple of the usual step, and than half of GAP_NS, is a gap too
 MORE = 4.0  # factor on the random walk: oscillating rates change more over a gap than a random walk
 LOST_ROLL = 0.25  # rad^2, largest variance of the roll that does not count as lost

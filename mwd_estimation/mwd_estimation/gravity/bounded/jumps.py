@@ -2,16 +2,16 @@
 """
 Jumps of the gyro bias and of the velocity, found from the innovations of the last seconds.
 
-The filter assumes that biases walk slowly and that the string stays in place. Three events contradict this: a gyro
-whose bias steps (by a blow, or a fault of its supply), a string that starts or stops along its hole, at once or within
-seconds, and a velocity that the accelerometers did not measure (a knock that clips them, or vibration that point
-samples alias to a slow force). Until the event is known, the filter takes it for a tilt. A jump is a hypothesis about
-one time in the last seconds. Its probability follows from the innovations since then (Willsky and Jones, A generalized
-likelihood ratio approach to the detection and estimation of jumps in linear systems, IEEE Trans. Autom. Control 21,
-1976). The information that innovations carry about an error at each earlier time comes from one backward pass (de Jong
-and Penzer, Diagnosing shocks in time series, J. Am. Stat. Assoc. 93, 1998). If one kind of jump is much more probable
-than the others and than no jump, the filter corrects the errors that the jump has caused since, and adds the covariance
-of the estimate.
+The filter assumes that biases walk slowly and that the string stays in place. Three events contradict this: the bias of
+a gyro steps (after a blow, or a fault of its supply); the string starts or stops to move along the hole within seconds;
+or the velocity changes without a measured force (a knock clips the accelerometers, or point samples alias vibration to
+a slow force). Until the event is known, the filter takes it for a tilt. A jump is a hypothesis about one time in the
+last seconds. Its probability follows from the innovations since then (Willsky and Jones, A generalized likelihood ratio
+approach to the detection and estimation of jumps in linear systems, IEEE Trans. Autom. Control 21, 1976). The
+information that innovations carry about an error at each earlier time comes from one backward pass (de Jong and Penzer,
+Diagnosing shocks in time series, J. Am. Stat. Assoc. 93, 1998). If one kind of jump is much more probable than the
+others and than no jump, the filter corrects the errors that the jump has caused since, and adds the covariance of the
+estimate.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ BIAS_STEP = 0.017
 # kinds: a change of the string's speed is soon certain with any prior, and a small knock is not more probable than a
 # step.
 EVERY = 3.6e5
-SURPRISE_TIME = 0.3  # s, memory of `BoundedRecord.surprise`
+SURPRISE_TIME = 0.3  # memory of `BoundedRecord.surprise`, s
 # Smallest value of `BoundedRecord.surprise`, the recent sum of squared innovations over their variances, at which the
 # search runs. A jump can only be more probable than no jump if the sum since the jump is above twice the logarithm of
 # the prior odds against the jump, which is 20 to 34.
@@ -54,9 +54,9 @@ SLOW_TIME, DENSITY_TIME, LEAST_DENSITY = 0.5, 10.0, 0.1
 # Kinds of jumps: a bias steps; the string starts or stops along its hole; the accelerometers miss a part of the
 # velocity; the string begins to accelerate along its hole.
 STEP, TRAVEL, KNOCK, RAMP, KINDS = 0, 1, 2, 3, 4
-RAMP_TIME = 1.0  # s, usual time in which a string reaches its speed
-# A jump is accepted if the logarithm of its odds exceeds this plus that of the competing jumps. Jumps of the velocity
-# do not compete with each other, because travel along the hole is a special knock.
+RAMP_TIME = 1.0  # usual time in which a string reaches its speed, s
+# A jump is accepted if the logarithm of its odds exceeds the logarithm of the odds of each competing jump by more than
+# this. Jumps of the velocity do not compete with each other, because travel along the hole is a special knock.
 SURE = 5.0
 # Point samples of vibration near a multiple of the sampling rate show a slow force of the size of the vibration. Its
 # usual duration, s: a sweep of 1 Hz/s passes the rate within a second.
@@ -119,8 +119,8 @@ def _search(p: BoundedParams, s: BoundedRecord) -> tuple[int, int]:
             if found > odds[kind]:
                 odds[kind], at[kind] = found, back
     moved = TRAVEL if odds[TRAVEL] >= odds[KNOCK] else KNOCK
-    # A string that accelerates competes with a step of the bias, but nothing is wrong with the state that the filter
-    # could correct. Integrated samples miss a velocity only where they clip, which `clipping` follows.
+    # RAMP (the string accelerates) only competes with a step of the bias: it leaves no error in the state to correct.
+    # Integrated samples miss a velocity only where they clip, which `clipping` follows.
     if s.meaning.sampled and odds[moved] >= odds[STEP] + SURE:
         return moved, at[moved]
     certain = odds[STEP] >= max(odds[moved], odds[RAMP]) + SURE and at[STEP] >= AFTER_STEP

@@ -30,8 +30,8 @@ from mwd_estimation.gravity.bounded.state import (
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-SHOCK_APART = 0.1  # s, smallest time between two shocks that are counted separately
-JUMP_TIME = 0.06  # s, time after which a velocity lost in a shock is visible as a displacement
+SHOCK_APART = 0.1  # smallest time between two shocks that are counted separately, s
+JUMP_TIME = 0.06  # time after which a velocity lost in a shock is visible as a displacement, s
 
 
 @compiled

@@ -19,27 +19,27 @@ from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SLOPE, TILT, V
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
-SWING_TIME = 0.5  # s, time constant of the three high-passes
-SWING_MEMORY = 2.1  # s, averaging time of the displacement
-RIPPLE_TIME = 0.03  # s, time constant of the three high-passes of the roll: stick-slip and rotation do not pass
-START_DISPLACEMENT = 0.1  # m, displacement assumed at a start
-ROTATING = 3.0  # rad/s, mean rate about the axis above which the circle of the lever arm is removed
+SWING_TIME = 0.5  # time constant of the three high-passes, s
+SWING_MEMORY = 2.1  # averaging time of the displacement, s
+RIPPLE_TIME = 0.03  # time constant of the three high-passes of the roll, s: stick-slip and rotation do not pass
+START_DISPLACEMENT = 0.1  # displacement assumed at a start, m
+ROTATING = 3.0  # mean rate about the axis above which the circle of the lever arm is removed, rad/s
 WALK_PER_DISPLACEMENT = 2.7  # ratio of the random walk of the resting point to the observed displacement, 1/sqrt(s)
 FOLDED_LEAST = 0.6  # (m/s^2)^2 s, smallest density of the force that may be aliased vibration
 # Averaging time of the displacement that shows aliasing: FOLDED_MEMORY, s, but after a start at most FOLDED_FIRST, s,
 # plus FOLDED_AGE times the time since the start.
 FOLDED_MEMORY, FOLDED_FIRST, FOLDED_AGE = 20.0, 2.0, 0.5
-FOLDED_YOUNG = 1.0  # s, time after a start in which the high-passes have not settled
+FOLDED_YOUNG = 1.0  # time after a start in which the high-passes have not settled, s
 FREQUENT = 6.0  # largest number of shocks (in `clipping.SHOCK_MEMORY`) at which white force may come from aliasing
 WHITE_SHARE = 0.16  # share of the density from the displacement that is used as noise, because not all of it is white
 ROTARY_NOISE = 0.00005  # gyro noise in proportion to the rate about the axis, 1/sqrt(Hz)
-CROSS_TURN = 5.0  # rad/s, 1 sigma of the rate that is lost while a cross-axis gyro clips
+CROSS_TURN = 5.0  # 1 sigma of the rate that is lost while a cross-axis gyro clips, rad/s
 LONG_STEP = 1.6  # if a step of the stamps is above this multiple of the usual step, samples are missing
 DOWN_WALK = 1e-4  # m/s^2/sqrt(s), random walk of the vertical force error
 CLIP_JERK = 200.0  # rad/s^2/sqrt(s), random walk of the slope of a clipped rate
-RATE_MEMORY = 5.0  # s, averaging time of the squared changes of the rates between updates
-TURNING_MEMORY = 10.0  # s, averaging time of the rate about the axis
-FORCE_MEMORY = 3.0  # s, averaging time of the force that shows a lost attitude
+RATE_MEMORY = 5.0  # averaging time of the squared changes of the rates between updates, s
+TURNING_MEMORY = 10.0  # averaging time of the rate about the axis, s
+FORCE_MEMORY = 3.0  # averaging time of the force that shows a lost attitude, s
 # Smallest values at which vibration is reported as aliased: share of the displacement that white force explains;
 # density of the force, (m/s^2)^2 s; and time since a start, s.
 ALIASED_SHARE, ALIASED_LEAST, ALIASED_AFTER = 0.3, 0.002, 3.0

@@ -20,7 +20,7 @@ from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, SCALE, TILT, BoundedRecord, CovarianceScale
 from mwd_sensors.core.compiled import compiled
 
-OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, lower and upper limit of the time constant of the filter
+OWN_LEAST, OWN_MOST = 0.3, 20.0  # lower and upper limit of the time constant of the filter, s
 # After a start, corrections are larger than in steady state: the upper limit of the time constant grows from OWN_LEAST
 # by this share of the time since the start.
 OWN_AGE = 0.25
@@ -37,8 +37,8 @@ SCALE_YOUNG, SCALE_SETTLED = 1.0, 12.0
 # Share of the mean square force that may be in phase with the torsion: vibration along one axis with unknown phase.
 RECTIFIED = 0.5
 BAND = 4.0  # weight of the middle of the filter's band, equations (8) and (10)
-USUAL_TIME = 10.0  # s, averaging time of the usual innovation
-ROTATING = 1.5  # rad/s, mean rate about the axis at which errors fixed in the tool have half of their full weight
+USUAL_TIME = 10.0  # averaging time of the usual innovation, s
+ROTATING = 1.5  # mean rate about the axis at which errors fixed in the tool have half of their full weight, rad/s
 BIAS_SHARE = 0.4  # sigma of gyro bias and misalignment in the tool's settings over the filter's sigma (inflated by 2.5)
 LEAST_PRIOR = 1e-18  # smallest prior variance, for sensors whose settings state no error
 CURVE_TIME, CURVE_MOST = 5.0, 0.01  # averaging time of the axis, s; largest rate at which a hole turns the tool, rad/s
@@ -69,8 +69,8 @@ def follow_corrections(s: BoundedRecord, turn: float, along: float, across: floa
         if along - tilt > SHARE_AFTER_CLIP * turn or not s.clipping.seen:
             _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt / turn, dy, -dx)
         _follow(s, found.across, max(across - aside, LEAST_CORRECTION * turn), aside / turn, dx, dy)
-    # Noise from differences of neighbouring samples is not inflated, so the scale is at least the share of this noise.
-    # Small corrections during such noise must not lower the scale for the time after the noise.
+    # Noise found from differences of neighbouring samples is complete, so the scale is at least the share of this
+    # noise. Small corrections during such noise must not lower the scale for the time after the noise.
     whole = noise.whole(s)
     found.along.power, found.across.power = max(found.along.power, whole), max(found.across.power, whole)
     for j in range(2):

@@ -18,7 +18,7 @@ _VALLEY = 0.5
 _HELD, _SIGMAS = 0.99, 2.576
 # Smallest probability of a mode that is listed as an alternative.
 _LEAST = 0.003
-# Least 1 sigma of an additional error, rad, so that the division by it is defined.
+# Smallest 1 sigma of an additional error, rad, so that the division by it is defined.
 _EXACT = 1e-9
 # The circle has 7200 steps of 0.05 deg. The coarse grid uses every 40th step. The fine grid adds, around each peak of
 # the coarse grid, all steps within 2.5 deg and every fifth step within 12 deg.

@@ -50,7 +50,7 @@ class CircleEvidence:
     log: Array
     filters: Indices  #: shape (m,); indices of the filters in use among all
     count: int  #: number of all filters, k
-    misfit: float = 0.0  #: least chi-square of the field under the widest hypothesis
+    misfit: float = 0.0  #: smallest chi-square of the field under the widest hypothesis
 
     @functools.cached_property
     def _probable(self) -> tuple[Array, Array, Array, Array, Array]:

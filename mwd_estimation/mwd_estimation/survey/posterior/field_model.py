@@ -48,8 +48,8 @@ class SharedErrors(NamedTuple):
 
 Shared = SharedErrors()
 SIZE = Shared.SIZE
-# Least inclination, rad, with which the axes of a station are computed; a hole nearer to the vertical is treated as if
-# it had this inclination.
+# Smallest inclination, rad, with which the axes of a station are computed; a hole nearer to the vertical is treated as
+# if it had this inclination.
 _UPRIGHT = 1e-3
 # Nominal sigmas, 1 sigma of each component, nT, that neither the tool code nor the reference states: external field on
 # a quiet day; error of the field at a single station in addition to the noise.

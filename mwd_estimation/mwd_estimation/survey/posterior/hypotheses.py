@@ -80,15 +80,15 @@ _DEFECT_SCALE, _DEFECT_MOUNT = 0.02, 0.025
 EXTERNAL_UT = np.array([0.0, 0.3, 1.0, 3.0, 10.0])
 # 1 sigma of a field turned about the vertical, rad.
 TURNED = math.radians(15.0)
-# After a long gap between stations, a change of the string is more probable than `Priors.string_change`: duration of a
-# trip out of the hole and back, h, and share of trips with a change of the string among much longer gaps.
+# A change of the string is more probable than `Priors.string_change` if a trip out of the hole and back fits into the
+# gap between two stations: duration of a trip, h, and probability of a change in a much longer gap.
 _TRIP_HOURS, _TRIPS = 12.0, 0.5
 # Random walk of the remanence, because the string shakes in a field whose direction in the string changes: 1 sigma
 # after an hour, x y z, uT. The axial value becomes AMIL of the tool code in two days of drilling. Without the walk, or
 # with half of it, the benchmark's rows "remanence growing" have more than 1 % of the stations beyond 3 sigma.
 _WALK_UT = (0.03, 0.01, 0.01)
-# The azimuth error of a gyro adrift is a random walk: 1 sigma after an hour, rad. This covers a drift of 24 deg in half
-# a day, and a frozen gyro in a hole that turns by 3 deg per stand of half an hour.
+# The azimuth error of a drifting gyro is a random walk: 1 sigma after an hour, rad. This covers a drift of 24 deg in
+# half a day, and a frozen gyro in a hole that turns by 3 deg per stand of half an hour.
 _ADRIFT = math.radians(4.0)
 # Share of the varying external field that remains after an hour: the field of a storm is correlated over about 3 h.
 _KEEPS = 0.72
@@ -109,7 +109,7 @@ class Filters:
         return np.flatnonzero([kind in strings for kind in self.kinds] & (self.adrift == adrift))
 
     def with_gyro(self) -> Filters:
-        """Return each filter twice: first with a gyro whose error is constant, then with a gyro adrift."""
+        """Return each filter twice: with a constant azimuth error of the gyro, and with a drifting one."""
         adrift = np.repeat([False, True], len(self.weight))
         return Filters(self.kinds * 2, np.tile(self.weight, 2), np.tile(self.variance, (2, 1)), adrift)
 
@@ -163,7 +163,7 @@ def walked(hours: float) -> Array:
 
 
 def drifted(hours: float) -> float:
-    """Return the variance that the azimuth error of a gyro adrift gains in a number of hours, rad^2."""
+    """Return the variance that the azimuth error of a drifting gyro gains in a number of hours, rad^2."""
     return _ADRIFT**2 * hours
 
 

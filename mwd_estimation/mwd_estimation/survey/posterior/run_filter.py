@@ -39,7 +39,7 @@ _FLOOR = 1e-3
 # A point whose share is smaller than this fraction of the largest share of its filter does not update the states. The
 # same limit applies to a second filter relative to its first filter.
 _LEAST = 1e-4
-# Least probability of a filter on the coarse grid with which the filter is evaluated on the fine grid.
+# Lowest probability of a filter on the coarse grid with which the filter is evaluated on the fine grid.
 _HOPELESS = 1e-6
 # Probability that an external field at one station is also present at the next station.
 _GOES_ON = 0.5
@@ -84,21 +84,14 @@ class RunState:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Predicted(CircleEvidence):
-    """Evidence of a station, with the filters that predicted its readings, from which the filters learn."""
+    """Evidence of a station, and the filters that predicted its readings; with both, the filters are updated."""
 
     branched: RunState  #: the filters, with a second one for each if the string may have changed
     terms: tuple[Array, Array, Array]  #: residual, its covariance and P H' for all these filters
 
 
 class RunFilter:
-    """
-    Parallel filters of the errors that the stations of one tool in one assembly share.
-
-    Parameters
-    ----------
-    priors : Priors
-    sigmas : Sigmas
-    """
+    """Parallel filters of the errors that the stations of one tool in one assembly share."""
 
     def __init__(self, priors: Priors, sigmas: Sigmas) -> None:
         self.priors, self.sigma, self._own = priors, sigmas.shared, sigmas.own
@@ -110,7 +103,7 @@ class RunFilter:
         self.state = RunState(np.zeros((k, SIZE)), covariance, np.log(np.maximum(self.filters.weight, 1e-300)))
 
     def expect_gyro(self) -> None:
-        """Split each filter in two at the first seek of a gyro: from then on the gyro may drift."""
+        """At the first seek of a gyro, double each filter: in the second copy the azimuth error of the gyro drifts."""
         if not self.filters.adrift.any():
             self.filters = self.filters.with_gyro()
 

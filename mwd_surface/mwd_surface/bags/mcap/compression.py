@@ -37,10 +37,8 @@ class Decompressor:
         """
         Return the records of a chunk, decompressed.
 
-        Raises
-        ------
-        FormatError
-            The data does not decompress to exactly the declared size, or the chunk has a CRC and it is wrong.
+        Raises FormatError if the data does not decompress to exactly the declared size, or the chunk's CRC
+        does not match.
         """
         try:
             plain = self._plain(head, data)

@@ -5,11 +5,9 @@ from __future__ import annotations
 
 import dataclasses
 
-from mwd_surface.bags.mcap.records import (
-    ChunkHead,
-    McapChannel,
-    Schema,
-)
+from mcap.records import Channel, Schema
+
+from mwd_surface.bags.mcap.records import ChunkHead
 from mwd_surface.bags.mcap.walk import Walk
 
 
@@ -66,7 +64,7 @@ class Contents:
     """
 
     schemas: dict[int, Schema] = dataclasses.field(default_factory=dict)
-    channels: dict[int, McapChannel] = dataclasses.field(default_factory=dict)
+    channels: dict[int, Channel] = dataclasses.field(default_factory=dict)
     counts: dict[int, int] = dataclasses.field(default_factory=dict)
     spans: list[MessageSpan] = dataclasses.field(default_factory=list)
     attachments: list[tuple[int, int]] = dataclasses.field(default_factory=list)
@@ -82,8 +80,9 @@ class Chunk:
     """
     A valid chunk found while scanning.
 
-    offset, length : position and length of the chunk's record, bytes. data, plain : records of the chunk, compressed
-    and decompressed. walk : positions of the records in `plain`.
+    offset, length : position and length of the chunk's record, bytes.
+    data, plain : records of the chunk, compressed and decompressed.
+    walk : positions of the records in `plain`.
     """
 
     offset: int
@@ -99,8 +98,9 @@ class Bare:
     """
     Valid messages outside of any chunk.
 
-    offset, length : position and length of the messages' records, bytes. plain : these records. walk : positions of the
-    records in `plain`.
+    offset, length : position and length of the messages' records, bytes.
+    plain : these records.
+    walk : positions of the records in `plain`.
     """
 
     offset: int

@@ -15,22 +15,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Schema, Statistics
 
 from mwd_sensors.core import budgets
 from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import open_regular
 from mwd_surface.bags.mcap.compression import Decompressor
 from mwd_surface.bags.mcap.contents import Bare, Chunk, Contents, Damage, MessageSpan, Other, Piece
-from mwd_surface.bags.mcap.decode import (
-    Cursor,
-    parse_attachment,
-    parse_channel,
-    parse_chunk_head,
-    parse_chunk_index,
-    parse_metadata,
-    parse_schema,
-    parse_statistics,
-)
+from mwd_surface.bags.mcap.decode import parse, parse_attachment, parse_chunk_head, parse_span
 from mwd_surface.bags.mcap.records import (
     FOOTER_BYTES,
     MAGIC,
@@ -39,11 +32,8 @@ from mwd_surface.bags.mcap.records import (
     MESSAGE_PREFIX,
     PREFIX,
     FormatError,
-    McapChannel,
-    Opcode,
-    Schema,
 )
-from mwd_surface.bags.mcap.walk import Walk, records_at, walk_plain, walk_records
+from mwd_surface.bags.mcap.walk import records_at, records_in, walk_records
 
 _LATEST_NS = 2**63 - 1  # latest time that int64 can hold, ns
 _WINDOW = 256 * 1024  # number of bytes read at once
@@ -57,7 +47,7 @@ _BODIES = (
     Opcode.METADATA,
 )
 _PRIVATE = 0x80  # opcodes from here on are reserved for private records
-# Exact body size of each kind of record with a fixed length, and least body size of the other kinds, bytes.
+# Exact body size of each kind of record with a fixed length, and smallest body size of the other kinds, bytes.
 _FIXED = {int(Opcode.FOOTER): 20, int(Opcode.DATA_END): 4}
 _SHORTEST = {
     int(Opcode.HEADER): 8,
@@ -83,7 +73,6 @@ class McapFile:
 
     Parameters
     ----------
-    path : Path
     damaged : bool
         Whether to accept a file that does not begin like an MCAP file, because its first bytes may be damaged.
 
@@ -251,7 +240,7 @@ class McapFile:
         if opcode == Opcode.ATTACHMENT:
             parse_attachment(body)
         elif opcode == Opcode.METADATA:
-            parse_metadata(body)
+            parse(Metadata, body)
         return Other(opcode, at, total, body)
 
     def _bare(self, at: int, first: int) -> Bare:
@@ -341,8 +330,8 @@ class McapFile:
         Return whether `steps` valid records follow one another from `at` on, or fewer up to the end of the file.
 
         first : whether there is no other evidence that a record begins at `at`. The record must then be complete, and
-        be a message, a chunk with its header, or followed by another record. cut_off : whether the last record may
-        reach beyond the end of a truncated file.
+        be a message, a chunk with its header, or followed by another record.
+        cut_off : whether the last record may reach beyond the end of a truncated file.
         """
         cut_off, behind = cut_off and self._cut_off, 0
         end = self.size if self._cut_off else self.size - len(MAGIC)
@@ -386,36 +375,32 @@ class McapFile:
         data = self.read(start, end - start)
         if crc and zlib.crc32(foot[:25], zlib.crc32(data)) != crc:
             raise FormatError("the summary's checksum does not match")
-        # Use the plain loop: a summary has few records, and loading the compiled loop would take longer.
-        walk = walk_plain(np.frombuffer(data, dtype=np.uint8))
-        if walk.end != len(data):
-            raise FormatError("the summary is not made of records")
-        return self._from_summary(data, walk)
+        return self._from_summary(data)
 
-    def _from_summary(self, data: bytes, walk: Walk) -> Contents | None:
+    def _from_summary(self, data: bytes) -> Contents | None:
         found, messages = Contents(), None
-        for opcode, body in records_at(np.frombuffer(data, dtype=np.uint8), walk.others):
+        # Use the plain loop: a summary has few records, and loading the compiled loop would take longer.
+        for opcode, body in records_in(data):
             if opcode == Opcode.SCHEMA:
-                schema = parse_schema(body)
+                schema = parse(Schema, body)
                 found.schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
-                channel = parse_channel(body)
+                channel = parse(Channel, body)
                 found.channels[channel.id] = channel
             elif opcode == Opcode.CHUNK_INDEX:
-                index = parse_chunk_index(body)
-                if max(index.start_ns, index.end_ns) > _LATEST_NS:
+                span = parse_span(body)
+                if max(span.start_ns, span.end_ns) > _LATEST_NS:
                     raise FormatError("the summary has times after the year 2262")
-                channels = frozenset(index.index_offsets) if index.index_length else None
-                found.spans.append(
-                    MessageSpan(index.start_ns, index.end_ns, index.offset, index.length, index.size, channels, True)
-                )
+                found.spans.append(span)
             elif opcode == Opcode.STATISTICS:
-                totals = parse_statistics(body)
-                found.counts, messages = dict(totals.counts), totals.messages
-            elif opcode in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
-                place = Cursor(body)
-                entry = (place.number(8), place.number(8))
-                (found.attachments if opcode == Opcode.ATTACHMENT_INDEX else found.metadata).append(entry)
+                totals = parse(Statistics, body)
+                found.counts, messages = totals.channel_message_counts, totals.message_count
+            elif opcode == Opcode.ATTACHMENT_INDEX:
+                attached = parse(AttachmentIndex, body)
+                found.attachments.append((attached.offset, attached.length))
+            elif opcode == Opcode.METADATA_INDEX:
+                table = parse(MetadataIndex, body)
+                found.metadata.append((table.offset, table.length))
         if messages is None or (messages and not (found.spans and found.channels)):
             return None
         try:
@@ -434,7 +419,7 @@ class McapFile:
             found.notes.append(f"{self.path.name}: {reason}; read from its beginning instead")
         else:
             found.notes.append(f"{self.path.name}: has no index; read from its beginning instead")
-        guarded: dict[int, McapChannel] = {}
+        guarded: dict[int, Channel] = {}
         for piece in self.scan():
             if isinstance(piece, Damage):
                 found.notes.append(
@@ -451,13 +436,13 @@ class McapFile:
         found.complete = found.complete and ended
         return found
 
-    def _note_other(self, piece: Other, found: Contents, guarded: dict[int, McapChannel]) -> None:
+    def _note_other(self, piece: Other, found: Contents, guarded: dict[int, Channel]) -> None:
         try:
             if piece.opcode == Opcode.SCHEMA:
-                schema = parse_schema(piece.body)
+                schema = parse(Schema, piece.body)
                 found.schemas.setdefault(schema.id, schema)
             elif piece.opcode == Opcode.CHANNEL:
-                channel = parse_channel(piece.body)
+                channel = parse(Channel, piece.body)
                 if channel.id not in guarded:
                     found.channels[channel.id] = channel
             elif piece.opcode == Opcode.ATTACHMENT:
@@ -483,7 +468,7 @@ class McapFile:
         found.schemas = lost.schemas | found.schemas
         found.channels = lost.channels | found.channels
 
-    def _note_messages(self, piece: Chunk | Bare, found: Contents, guarded: dict[int, McapChannel]) -> None:
+    def _note_messages(self, piece: Chunk | Bare, found: Contents, guarded: dict[int, Channel]) -> None:
         walk, in_chunk = piece.walk, isinstance(piece, Chunk)
         if isinstance(piece, Chunk):
             found.checksums = found.checksums and piece.head.crc != 0
@@ -512,16 +497,16 @@ class McapFile:
         )
 
 
-def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, McapChannel]]:
+def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, Channel]]:
     """Return the schemas and channels inside a chunk, by id; records that cannot be parsed are left out."""
     schemas, channels = {}, {}
     for opcode, body in records_at(np.frombuffer(piece.plain, dtype=np.uint8), piece.walk.others):
         try:
             if opcode == Opcode.SCHEMA:
-                schema = parse_schema(body)
+                schema = parse(Schema, body)
                 schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
-                channel = parse_channel(body)
+                channel = parse(Channel, body)
                 channels[channel.id] = channel
         except FormatError:
             # The checksum of the chunk matches, so the wrong record was written; its messages then have no topic.

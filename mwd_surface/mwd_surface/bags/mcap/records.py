@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Records of an MCAP file: opcodes, sizes and fields of each kind.
+Sizes and layouts of the records of an MCAP file that are read and written as bytes; `mcap.records` has the others.
 
 Source: the MCAP specification, version 0.
 """
@@ -8,9 +8,7 @@ Source: the MCAP specification, version 0.
 from __future__ import annotations
 
 import dataclasses
-import enum
 import struct
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,26 +16,6 @@ import numpy as np
 from mwd_sensors.core import budgets
 
 MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a file
-
-
-class Opcode(enum.IntEnum):
-    """First byte of a record."""
-
-    HEADER = 1
-    FOOTER = 2
-    SCHEMA = 3
-    CHANNEL = 4
-    MESSAGE = 5
-    CHUNK = 6
-    MESSAGE_INDEX = 7
-    CHUNK_INDEX = 8
-    ATTACHMENT = 9
-    ATTACHMENT_INDEX = 10
-    STATISTICS = 11
-    METADATA = 12
-    METADATA_INDEX = 13
-    SUMMARY_OFFSET = 14
-    DATA_END = 15
 
 
 # Sizes, bytes: opcode and length of a record; channel, sequence, log time and publish time of a message.
@@ -67,27 +45,6 @@ class FormatError(ValueError):
 
 
 @dataclasses.dataclass(frozen=True)
-class Schema:
-    """Definition of a message type; the encoding of ROS 2 definitions is ``ros2msg`` or ``ros2idl``."""
-
-    id: int
-    name: str
-    encoding: str
-    data: bytes
-
-
-@dataclasses.dataclass(frozen=True)
-class McapChannel:
-    """One topic of one type in one file."""
-
-    id: int
-    schema_id: int
-    topic: str
-    encoding: str
-    metadata: Mapping[str, str]
-
-
-@dataclasses.dataclass(frozen=True)
 class ChunkHead:
     """Header of a chunk; `data_at` is the offset of the (compressed) records of the chunk in the chunk's body."""
 
@@ -98,44 +55,3 @@ class ChunkHead:
     compression: str
     compressed_size: int
     data_at: int
-
-
-@dataclasses.dataclass(frozen=True)
-class ChunkIndex:
-    """Times, sizes and position of a chunk, and by channel the positions of its message indexes in the file."""
-
-    start_ns: int
-    end_ns: int
-    offset: int
-    length: int
-    index_offsets: Mapping[int, int]
-    index_length: int
-    compression: str
-    compressed_size: int
-    size: int
-
-
-@dataclasses.dataclass(frozen=True)
-class Attachment:
-    """A file stored inside the recording; log_ns and create_ns are its log time and creation time, ns since 1970."""
-
-    log_ns: int
-    create_ns: int
-    name: str
-    media_type: str
-    data: bytes
-
-
-@dataclasses.dataclass(frozen=True)
-class Statistics:
-    """Totals in the summary: numbers of records, time span in ns, and number of messages of each channel."""
-
-    messages: int
-    schemas: int
-    channels: int
-    attachments: int
-    metadata: int
-    chunks: int
-    start_ns: int
-    end_ns: int
-    counts: Mapping[int, int]

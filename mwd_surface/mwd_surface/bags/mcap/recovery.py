@@ -15,15 +15,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Channel, Metadata, Schema
 from numpy.typing import NDArray
 
 from mwd_sensors.core.output_files import sync_folder
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_metadata import BagMetadata, File, MetadataError, Topic
 from mwd_surface.bags.mcap.contents import Bare, Chunk, Contents, Other
-from mwd_surface.bags.mcap.decode import parse_attachment, parse_metadata
+from mwd_surface.bags.mcap.decode import parse, parse_attachment
 from mwd_surface.bags.mcap.reader import McapFile
-from mwd_surface.bags.mcap.records import INDEX_ENTRY, MESSAGE_PREFIX, FormatError, McapChannel, Opcode, Schema
+from mwd_surface.bags.mcap.records import INDEX_ENTRY, MESSAGE_PREFIX, FormatError
 from mwd_surface.bags.mcap.recovery_report import RecoveryReport, Tally, all_notes, check
 from mwd_surface.bags.mcap.walk import Walk
 from mwd_surface.bags.mcap.writer import McapWriter, is_being_written
@@ -162,13 +164,13 @@ def _copy(file: McapFile, contents: Contents, writer: McapWriter, going_on: Call
     for channel in contents.channels.values():
         if channel.schema_id and channel.schema_id not in contents.schemas:
             # The definition is lost; keep the messages with a type that has no definition.
-            lost = Schema(channel.schema_id, "", "", b"")
+            lost = Schema(channel.schema_id, b"", encoding="", name="")
             writer.add_schema(lost)
             contents.schemas[lost.id] = lost
         writer.add_channel(channel)
     for number in sorted(set(contents.counts) - set(contents.channels)):
         # Only the declaration of the topic is lost, not its messages.
-        lost_topic = McapChannel(number, 0, f"/lost_topic_{number}", "cdr", {})
+        lost_topic = Channel(number, f"/lost_topic_{number}", "cdr", {}, schema_id=0)
         contents.channels[number] = lost_topic
         contents.notes.append(f"the declaration of topic {number} is lost: its messages are in {lost_topic.topic}")
         writer.add_channel(lost_topic)
@@ -196,7 +198,7 @@ def _copy(file: McapFile, contents: Contents, writer: McapWriter, going_on: Call
     return dataclasses.replace(report, notes=notes)
 
 
-def _copy_messages(piece: Chunk | Bare, channels: Mapping[int, McapChannel], writer: McapWriter) -> None:
+def _copy_messages(piece: Chunk | Bare, channels: Mapping[int, Channel], writer: McapWriter) -> None:
     walk = piece.walk
     numbers = np.unique(walk.channel).tolist()
     # Copy a chunk unchanged only if it has a checksum; otherwise the bytes between its messages may be damaged.
@@ -229,9 +231,9 @@ def _copy_other(piece: Other, writer: McapWriter) -> None:
     if piece.opcode == Opcode.ATTACHMENT:
         writer.attach(parse_attachment(piece.body))
     elif piece.opcode == Opcode.METADATA:
-        name, values = parse_metadata(piece.body)
-        if name not in (ROSBAG2_RECORD, RECOVERY_RECORD):
-            writer.add_metadata(name, values)
+        table = parse(Metadata, piece.body)
+        if table.name not in (ROSBAG2_RECORD, RECOVERY_RECORD):
+            writer.add_metadata(table.name, table.metadata)
 
 
 def _entries(walk: Walk, number: int) -> NDArray[np.void]:
@@ -278,7 +280,7 @@ def _renew_metadata(folder: Path) -> None:
 
 
 def metadata_of_files(
-    parts: Sequence[tuple[str, dict[int, McapChannel], dict[int, Schema], McapWriter | Contents]],
+    parts: Sequence[tuple[str, dict[int, Channel], dict[int, Schema], McapWriter | Contents]],
 ) -> BagMetadata:
     """Return the metadata of a bag from the name, channels, schemas and totals of each file."""
     files: list[File] = []
@@ -304,7 +306,7 @@ def metadata_of_files(
     return BagMetadata(files=files, topics=list(topics.values()))
 
 
-def _qos(channel: McapChannel) -> list[dict[str, object]]:
+def _qos(channel: Channel) -> list[dict[str, object]]:
     try:
         return bag_metadata.parse_qos(channel.metadata.get("offered_qos_profiles", ""))
     except ValueError:

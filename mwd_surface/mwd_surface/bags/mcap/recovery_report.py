@@ -9,10 +9,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from mcap.opcode import Opcode
 
 from mwd_surface.bags.mcap.contents import Bare, Chunk, Contents, Damage, Other
 from mwd_surface.bags.mcap.reader import McapFile
-from mwd_surface.bags.mcap.records import FormatError, Opcode
+from mwd_surface.bags.mcap.records import FormatError
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,8 +115,10 @@ class Tally:
     """
     Counts of messages, chunks and damages over the pieces of a scan.
 
-    counts : number of messages by channel. lost_bytes : bytes that cannot be used. orphans : number of messages without
-    a channel. times : first and last log time, ns; empty without messages.
+    counts : number of messages by channel.
+    lost_bytes : bytes that cannot be used.
+    orphans : number of messages without a channel.
+    times : first and last log time, ns; empty without messages.
     """
 
     contents: Contents

@@ -19,6 +19,23 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
 from numpy.typing import NDArray
 
 from mwd_surface import __version__
@@ -30,13 +47,7 @@ from mwd_surface.bags.mcap.records import (
     MESSAGE_HEAD,
     MESSAGE_RECORD_HEAD,
     RECORD_HEAD,
-    Attachment,
     ChunkHead,
-    ChunkIndex,
-    McapChannel,
-    Opcode,
-    Schema,
-    Statistics,
 )
 
 LIBRARY = f"mwd_surface {__version__}"
@@ -52,7 +63,9 @@ class McapWriter:
     ----------
     path : Path
         File to create; it must not exist.
-    compression : {"zstd", "lz4", ""} level : int
+    compression : {"zstd", "lz4", ""}
+        Compression of the chunks; "": none.
+    level : int
         Compression level of zstd.
     chunk_bytes : int
         A chunk is closed when its uncompressed records reach this size.
@@ -82,7 +95,7 @@ class McapWriter:
         self.counts: dict[int, int] = {}
         self.start_ns: int | None = None
         self.end_ns = 0
-        self.channels: dict[int, McapChannel] = {}
+        self.channels: dict[int, Channel] = {}
         self._compress = Compressor(compression, level)
         self._schemas: dict[int, Schema] = {}
         # Kept in encoded form, as in the summary, because an hour of a fast recording has tens of thousands of chunks.
@@ -100,7 +113,7 @@ class McapWriter:
         with contextlib.suppress(OSError):
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         try:
-            self._append(MAGIC + header_record(LIBRARY))
+            self._append(MAGIC + packed(Header("ros2", LIBRARY)))
         except OSError:
             # A file without content would be in the way of the next attempt.
             os.close(self._file)
@@ -114,18 +127,18 @@ class McapWriter:
 
     def add_schema(self, schema: Schema) -> None:
         """Write a message definition; its id must be new and not 0."""
-        record = schema_record(schema)
+        record = packed(schema)
         self._append(record)
         self._declarations += record
         self._schemas[schema.id] = schema
 
-    def add_channel(self, channel: McapChannel) -> None:
+    def add_channel(self, channel: Channel) -> None:
         """
         Write the declaration of a topic.
 
         The id must be new. The schema must have been written before; schema_id 0 means that there is no schema.
         """
-        record = channel_record(channel)
+        record = packed(channel)
         self._append(record)
         self._declarations += record
         self.channels[channel.id] = channel
@@ -233,9 +246,17 @@ class McapWriter:
             tail += message_index_record(channel, entries)
         self._append(prefix + data + tail)
         index = ChunkIndex(
-            head.start_ns, head.end_ns, offset, length, offsets, len(tail), head.compression, len(data), head.size
+            chunk_length=length,
+            chunk_start_offset=offset,
+            compression=head.compression,
+            compressed_size=len(data),
+            message_end_time=head.end_ns,
+            message_index_length=len(tail),
+            message_index_offsets=offsets,
+            message_start_time=head.start_ns,
+            uncompressed_size=head.size,
         )
-        self._chunk_index.append(chunk_index_record(index))
+        self._chunk_index.append(packed(index))
         start, end = self._written_ns or (head.start_ns, head.end_ns)
         self._written_ns = min(start, head.start_ns), max(end, head.end_ns)
 
@@ -248,16 +269,19 @@ class McapWriter:
     def attach(self, item: Attachment) -> None:
         """Store a file inside the recording; the current chunk is closed first."""
         self.close_chunk()
-        data, offset = attachment_record(item), self.size
+        data, offset = packed(item), self.size
         self._append(data)
-        self._attachment_index.append(attachment_index_record(item, offset, len(data)))
+        index = AttachmentIndex(
+            offset, len(data), item.log_time, item.create_time, len(item.data), item.name, item.media_type
+        )
+        self._attachment_index.append(packed(index))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a named table of strings; the current chunk is closed first."""
         self.close_chunk()
-        data, offset = metadata_record(name, values), self.size
+        data, offset = packed(Metadata(name, dict(values))), self.size
         self._append(data)
-        self._metadata_index.append(metadata_index_record(name, offset, len(data)))
+        self._metadata_index.append(packed(MetadataIndex(offset, len(data), name)))
 
     def sync(self) -> None:
         """Force everything written so far to the disk, except the current chunk."""
@@ -266,7 +290,7 @@ class McapWriter:
     def finish(self, sync: bool = False) -> None:
         """Write the current chunk, the summary and the footer, force them to the disk if `sync`, and close the file."""
         self.close_chunk()
-        data_end = packed_record(Opcode.DATA_END, self._crc.to_bytes(4, "little"))
+        data_end = packed(DataEnd(self._crc))
         self._append(data_end + packed_summary(self._groups(), self.size + len(data_end)))
         if sync:
             os.fsync(self._file)
@@ -281,28 +305,35 @@ class McapWriter:
         self.start_ns, self.end_ns = self._written_ns or (None, 0)
         return before - self.messages
 
+    def deleted(self) -> bool:
+        """Return whether the file, which is open, has no name in any folder any more, or cannot be reached."""
+        try:
+            return os.fstat(self._file).st_nlink == 0
+        except OSError:
+            return True
+
     def close(self) -> None:
         """Close the file; unless `finish` was called, the file stays an unfinished recording without an end."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
 
-    def _groups(self) -> list[tuple[int, bytes]]:
+    def _groups(self) -> list[tuple[Opcode, bytes]]:
         totals = Statistics(
-            self.messages,
-            len(self._schemas),
-            len(self.channels),
-            len(self._attachment_index),
-            len(self._metadata_index),
-            len(self._chunk_index),
-            self.start_ns or 0,
-            self.end_ns,
-            self.counts,
+            attachment_count=len(self._attachment_index),
+            channel_count=len(self.channels),
+            channel_message_counts=dict(sorted(self.counts.items())),
+            chunk_count=len(self._chunk_index),
+            message_count=self.messages,
+            message_end_time=self.end_ns,
+            message_start_time=self.start_ns or 0,
+            metadata_count=len(self._metadata_index),
+            schema_count=len(self._schemas),
         )
         return [
-            (Opcode.SCHEMA, b"".join(map(schema_record, self._schemas.values()))),
-            (Opcode.CHANNEL, b"".join(map(channel_record, self.channels.values()))),
-            (Opcode.STATISTICS, statistics_record(totals)),
+            (Opcode.SCHEMA, b"".join(map(packed, self._schemas.values()))),
+            (Opcode.CHANNEL, b"".join(map(packed, self.channels.values()))),
+            (Opcode.STATISTICS, packed(totals)),
             (Opcode.CHUNK_INDEX, b"".join(self._chunk_index)),
             (Opcode.ATTACHMENT_INDEX, b"".join(self._attachment_index)),
             (Opcode.METADATA_INDEX, b"".join(self._metadata_index)),
@@ -310,8 +341,8 @@ class McapWriter:
 
     def _declare(self) -> None:
         if not self._pending and self._chunk_index and len(self._chunk_index) % REPEAT == 0:
-            self._declarations = b"".join(map(schema_record, self._schemas.values()))
-            self._declarations += b"".join(map(channel_record, self.channels.values()))
+            self._declarations = b"".join(map(packed, self._schemas.values()))
+            self._declarations += b"".join(map(packed, self.channels.values()))
         if self._declarations:
             self._parts.append(self._declarations)
             self._pending += len(self._declarations)
@@ -377,49 +408,12 @@ def _entries(items: list[NDArray[np.void] | tuple[int, int]]) -> NDArray[np.void
 # Encoding of the records of an MCAP file.
 
 
-_u16, _u32, _u64 = struct.Struct("<H"), struct.Struct("<I"), struct.Struct("<Q")
-
-
-def packed_record(opcode: int, body: bytes) -> bytes:
-    """Return one record: opcode, length, body."""
-    return RECORD_HEAD.pack(opcode, len(body)) + body
-
-
-def packed_text(value: str) -> bytes:
-    """Return a string preceded by its length."""
-    data = value.encode()
-    return _u32.pack(len(data)) + data
-
-
-def packed_map(values: Mapping[str, str]) -> bytes:
-    """Return a map of strings preceded by its length in bytes."""
-    body = b"".join(packed_text(key) + packed_text(value) for key, value in values.items())
-    return _u32.pack(len(body)) + body
-
-
-def header_record(library: str) -> bytes:
-    """Return the header record of a ROS 2 recording."""
-    return packed_record(Opcode.HEADER, packed_text("ros2") + packed_text(library))
-
-
-def schema_record(schema: Schema) -> bytes:
-    """Return the record that defines a message type."""
-    body = (
-        _u16.pack(schema.id)
-        + packed_text(schema.name)
-        + packed_text(schema.encoding)
-        + _u32.pack(len(schema.data))
-        + schema.data
-    )
-    return packed_record(Opcode.SCHEMA, body)
-
-
-def channel_record(channel: McapChannel) -> bytes:
-    """Return the record that declares a topic."""
-    body = (
-        struct.pack("<HH", channel.id, channel.schema_id) + packed_text(channel.topic) + packed_text(channel.encoding)
-    )
-    return packed_record(Opcode.CHANNEL, body + packed_map(channel.metadata))
+def packed(record: McapRecord) -> bytes:
+    """Return a record as bytes."""
+    builder = RecordBuilder()
+    record.write(builder)
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return data
 
 
 def message_prefix(channel: int, sequence: int, log_ns: int, publish_ns: int, size: int) -> bytes:
@@ -429,80 +423,32 @@ def message_prefix(channel: int, sequence: int, log_ns: int, publish_ns: int, si
 
 def chunk_prefix(head: ChunkHead) -> bytes:
     """Return a chunk record without its compressed records."""
-    body = struct.pack("<QQQI", head.start_ns, head.end_ns, head.size, head.crc)
-    body += packed_text(head.compression) + _u64.pack(head.compressed_size)
+    name = head.compression.encode()
+    fields = (head.start_ns, head.end_ns, head.size, head.crc, len(name), name, head.compressed_size)
+    body = struct.pack(f"<QQQII{len(name)}sQ", *fields)
     return RECORD_HEAD.pack(Opcode.CHUNK, len(body) + head.compressed_size) + body
 
 
 def message_index_record(channel: int, entries: NDArray[np.void]) -> bytes:
     """Return the index of one channel's messages in the preceding chunk; `entries` has the dtype `INDEX_ENTRY`."""
     data = entries.tobytes()
-    return packed_record(Opcode.MESSAGE_INDEX, struct.pack("<HI", channel, len(data)) + data)
+    return struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + len(data), channel, len(data)) + data
 
 
-def chunk_index_record(index: ChunkIndex) -> bytes:
-    """Return the summary record that points to a chunk."""
-    offsets = b"".join(struct.pack("<HQ", channel, at) for channel, at in index.index_offsets.items())
-    body = struct.pack("<QQQQ", index.start_ns, index.end_ns, index.offset, index.length)
-    body += _u32.pack(len(offsets)) + offsets + _u64.pack(index.index_length)
-    return packed_record(
-        Opcode.CHUNK_INDEX,
-        body + packed_text(index.compression) + struct.pack("<QQ", index.compressed_size, index.size),
-    )
-
-
-def attachment_record(item: Attachment) -> bytes:
-    """Return the record of an attached file, with its CRC."""
-    body = struct.pack("<QQ", item.log_ns, item.create_ns) + packed_text(item.name) + packed_text(item.media_type)
-    body += _u64.pack(len(item.data)) + item.data
-    return packed_record(Opcode.ATTACHMENT, body + _u32.pack(zlib.crc32(body)))
-
-
-def attachment_index_record(item: Attachment, offset: int, length: int) -> bytes:
-    """Return the summary record that points to an attachment."""
-    body = struct.pack("<QQQQQ", offset, length, item.log_ns, item.create_ns, len(item.data))
-    return packed_record(Opcode.ATTACHMENT_INDEX, body + packed_text(item.name) + packed_text(item.media_type))
-
-
-def metadata_record(name: str, values: Mapping[str, str]) -> bytes:
-    """Return the record of a named table of strings."""
-    return packed_record(Opcode.METADATA, packed_text(name) + packed_map(values))
-
-
-def metadata_index_record(name: str, offset: int, length: int) -> bytes:
-    """Return the summary record that points to a named table."""
-    return packed_record(Opcode.METADATA_INDEX, struct.pack("<QQ", offset, length) + packed_text(name))
-
-
-def statistics_record(totals: Statistics) -> bytes:
-    """Return the record with the totals of the file."""
-    counts = b"".join(struct.pack("<HQ", channel, count) for channel, count in sorted(totals.counts.items()))
-    body = struct.pack(
-        "<QHIIIIQQ",
-        totals.messages,
-        totals.schemas,
-        totals.channels,
-        totals.attachments,
-        totals.metadata,
-        totals.chunks,
-        totals.start_ns,
-        totals.end_ns,
-    )
-    return packed_record(Opcode.STATISTICS, body + _u32.pack(len(counts)) + counts)
-
-
-def packed_summary(groups: Sequence[tuple[int, bytes]], start: int) -> bytes:
+def packed_summary(groups: Sequence[tuple[Opcode, bytes]], start: int) -> bytes:
     """
     Return everything that follows the DataEnd record: summary, summary offsets, footer with CRC, magic bytes.
 
-    groups : (opcode, records of that opcode); groups may be empty. start : position of the summary in the file.
+    groups : (opcode, records of that opcode); groups may be empty.
+    start : position of the summary in the file.
     """
     body, offsets, at = b"", b"", start
     for opcode, records in groups:
         if records:
-            offsets += packed_record(Opcode.SUMMARY_OFFSET, struct.pack("<BQQ", opcode, at, len(records)))
+            offsets += packed(SummaryOffset(opcode, at, len(records)))
             at += len(records)
             body += records
     data = body + offsets
-    foot = RECORD_HEAD.pack(Opcode.FOOTER, 20) + struct.pack("<QQ", start if data else 0, at if offsets else 0)
-    return data + foot + _u32.pack(zlib.crc32(foot, zlib.crc32(data))) + MAGIC
+    # The CRC is the last field of the footer and covers everything before it.
+    foot = packed(Footer(start if data else 0, at if offsets else 0, 0))[:-4]
+    return data + foot + zlib.crc32(foot, zlib.crc32(data)).to_bytes(4, "little") + MAGIC

@@ -18,7 +18,9 @@ class QueuedMessage(NamedTuple):
     """
     A received message that waits to be written.
 
-    log_ns, publish_ns : ns since the epoch. qos : offered profiles as YAML. type_hash : RIHS01 hash of the type.
+    log_ns, publish_ns : ns since the epoch.
+    qos : offered profiles as YAML.
+    type_hash : RIHS01 hash of the type.
     """
 
     topic: str

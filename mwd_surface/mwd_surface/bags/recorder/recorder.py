@@ -41,7 +41,6 @@ class Recorder:
     ----------
     folder : Path
         Created if missing; one recorder at a time may use it.
-    settings : RecorderSettings
     definitions : Definitions, optional
         Source of schema texts; by default the definitions of this installation.
     tables : callable, optional

@@ -14,6 +14,7 @@ import errno
 import math
 import shutil
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -66,11 +67,8 @@ class Session:
         Writer with `in_place`, whose first file has been begun.
     folder : Path
         Folder whose disk is watched.
-    settings : RecorderSettings
-    definitions : Definitions
     event_topic : str
         Topic for events.
-    hooks : SessionHooks
 
     Attributes
     ----------
@@ -117,7 +115,7 @@ class Session:
         self._checked_at = -1e9
         self._unchecked = 0
         self._odd: set[str] = set()
-        self._early: list[RecorderEvent] = []
+        self._waiting: deque[RecorderEvent] = deque(maxlen=200)  # events for the next message or file
         self._put_tables()
 
     def take(self, item: QueuedMessage) -> None:
@@ -185,8 +183,7 @@ class Session:
                 return
             self._hooks.report(EventLevel.WARNING, text)
         self._last_ns = log_ns
-        if self._early:
-            self._record_early()
+        self._record_events()
         size_before = self.writer.file.size
         self.writer.write(channel, data, log_ns, publish_ns)
         self._unchecked += len(data)
@@ -230,13 +227,12 @@ class Session:
 
     def _watch_disk(self) -> None:
         self._checked_at, self._unchecked = time.monotonic(), 0
-        if self.writing and not self.writer.file.path.exists():
-            self._file_deleted()
-            return
         try:
-            if not self.writing:
+            if self.writing:
+                self.writer.check_file()
+            else:
                 # The folder may have been deleted since the pause began.
-                self.writer.file.path.parent.mkdir(parents=True, exist_ok=True)
+                self.writer.path.mkdir(parents=True, exist_ok=True)
             self.free = self._hooks.space(self._folder)
         except OSError as error:
             self.free = math.nan
@@ -246,11 +242,13 @@ class Session:
         low = self._settings.min_free_bytes
         if self.writing and self.free < low:
             reason = f"{self.free / 1e6:.0f} MB free on the disk of {self._folder}, {low / 1e6:.0f} MB must stay free"
-            self._pause_writing(RecorderState.PAUSED_DISK_FULL, reason)
+            self._pause_writing(RecorderState.PAUSED_DISK_FULL, reason, gone=False)
         elif not self.writing and self.free >= low + low // 8 and time.monotonic() >= self._retry_at:
             self._resume()
 
-    def _pause_writing(self, state: RecorderState, reason: str) -> None:
+    def _pause_writing(self, state: RecorderState, reason: str, *, gone: bool) -> None:
+        # The event ends the file. If the file was moved or deleted, the event waits for the next file.
+        self.writing = self.writing and not gone
         self._hooks.report(EventLevel.ERROR, f"recording paused: {reason}")
         self.writing = False
         self._pause_began = time.time_ns()
@@ -258,6 +256,8 @@ class Session:
         self.unsaved_since = self._chunk_began = None
         try:
             self.writer.finish_file(sync=True)
+        except FileNotFoundError:
+            self.dropped += self.writer.give_up_file()
         except OSError:
             # The disk has no room for the current chunk or the summary: discard the chunk, and the summary may fit.
             self.dropped += self.writer.file.discard_pending()
@@ -275,16 +275,8 @@ class Session:
         """Pause the recording, and complete the file as far as the disk allows."""
         full = error.errno in _FULL
         reason = self._words(error)
-        self._pause_writing(RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED, reason)
-
-    def _file_deleted(self) -> None:
-        """Pause because the current file was deleted; the messages of this file are lost and counted."""
-        path = self.writer.file.path
-        self.dropped += sum(self.writer.file.counts.values())
-        self.writer.give_up_file()
-        with contextlib.suppress(OSError):
-            path.parent.mkdir(parents=True, exist_ok=True)
-        self._pause_writing(RecorderState.FAILED, f"{path} was deleted during the recording")
+        state = RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED
+        self._pause_writing(state, reason, gone=isinstance(error, FileNotFoundError))
 
     def _resume(self) -> None:
         self._retry_at = time.monotonic() + self._settings.retry_seconds
@@ -313,52 +305,41 @@ class Session:
         """End the recording; if a write fails, complete the file as far as possible."""
         try:
             if self.writing:
-                self._record_early()
+                self._record_events()
                 self.writer.close(sync=True)
         except OSError as error:
             self.disk_failed(error)
 
     def record(self, event: RecorderEvent) -> None:
         """
-        Record an event; during a pause the event is dropped.
+        Record an event; during a pause the event waits for the next file.
 
         Events before the first message wait for this message, because the time of the recording is not known yet.
         """
-        if not self.writing:
-            return
-        if not self._last_ns:
-            self._early.append(event)
-            return
-        # Ignore an error of the disk here: it occurs again with the next message, where it is handled.
-        with contextlib.suppress(OSError):
-            self._record_event(event)
+        self._waiting.append(event)
+        if self.writing and self._last_ns:
+            # Ignore an error of the disk here: it occurs again with the next message, where it is handled.
+            with contextlib.suppress(OSError):
+                self._record_events()
 
     def _new_file(self) -> None:
         self.writer.finish_file(sync=True)
-        self._chunk_began = self.unsaved_since = None
+        self.writing, self._chunk_began, self.unsaved_since = False, None, None
         try:
             self.writer.begin_file()
         except OSError as error:
-            self.writing = False
-            self._pause_began = time.time_ns()
-            self._retry_at = time.monotonic() + self._settings.retry_seconds
-            full = error.errno in _FULL
-            self.state = RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED
-            self.reason = self._words(error)
-            self._hooks.report(EventLevel.ERROR, f"recording paused: {self.reason}")
+            self.disk_failed(error)
             return
-        self._file_began = time.monotonic()
+        self.writing, self._file_began = True, time.monotonic()
         self._put_tables()
 
     def _put_tables(self) -> None:
         for name, values in self._hooks.tables().items():
             self.writer.add_metadata(name, values)
 
-    def _record_early(self) -> None:
-        """Record the events from before the first message, now that the time of the recording is known."""
-        early, self._early = self._early, []
-        for event in early:
-            self._record_event(event)
+    def _record_events(self) -> None:
+        while self._waiting:
+            self._record_event(self._waiting.popleft())
 
     def _record_event(self, event: RecorderEvent) -> None:
         self._definitions.load(EVENT_TYPE)

@@ -14,7 +14,7 @@ class RecorderSettings:
 
     compression: str = setting(
         "zstd",
-        "Compression of chunks. zstd needs the least disk space, none the least computing time.",
+        "Compression of chunks. zstd needs the least disk space; none (no compression) needs the least time.",
         choices=("zstd", "lz4", "none"),
     )
     chunk_bytes: int = setting(

@@ -15,7 +15,7 @@ from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 class RecorderError(Exception):
     """Raised if the recorder cannot carry out a request; the text gives path and reason, and `remedy` the advice."""
 
-    def __init__(self, text: str, remedy: str = "free the disk, or make its folder writable") -> None:
+    def __init__(self, text: str, remedy: str = "free space on the disk, or make its folder writable") -> None:
         super().__init__(text)
         self.remedy = remedy
 
@@ -53,7 +53,6 @@ class RecorderStatus(MessageRecord):
 
     Attributes
     ----------
-    state : RecorderState
     reason : str
         Reason of a pause or failure; otherwise empty.
     path : str

@@ -63,7 +63,7 @@ export function showAlarms({ sections, server }) {
     el("div", { class: "split two" },
       el("div", {}, el("h2", {}, t("Alarms")), 
         rows.length ? el("ul", { class: "alarms" }, rows) : el("p", { class: "empty" }, unknown ? t("No alarm is known.") : t("No alarms.")),
-        unknown ? el("p", {}, pill("unknown", t("not evaluated")), ` ${alarms.not_evaluated.map(say).join(t(", ")) || unknown}${t(": ")}`, t("no data that would show this alarm has come")) : null),
+        unknown ? el("p", {}, pill("unknown", t("not evaluated")), ` ${alarms.not_evaluated.map(say).join(t(", ")) || unknown}${t(": ")}`, t("no data for this check has arrived")) : null),
       el("div", {}, el("h2", {}, t`Events, UTC, ${sections.well?.name || ""}`), log.length
         ? el("table", { class: "log" }, el("thead", {}, el("tr", {}, [t("Time"), t("What"), t("Source"), t("Text")].map((t) => el("th", { scope: "col" }, t)))), el("tbody", {}, log))
         : el("p", { class: "empty" }, t("No events yet.")))),

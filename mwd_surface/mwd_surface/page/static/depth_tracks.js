@@ -25,7 +25,7 @@ export function depthTracks(log, steering, surveys, size) {
   const stretches = steering?.rows || [];
   const stations = (surveys?.rows || []).filter((row) => row.in_use && row.measured_depth !== null);
   const all = [...depths, ...stretches.flatMap((s) => [s.from_depth, s.to_depth])];
-  if (!all.length) return el("p", { class: "empty" }, t("No depth tracks yet: they grow while hole is made and the rig sends its depth."));
+  if (!all.length) return el("p", { class: "empty" }, t("No depth tracks yet: they begin when the hole is drilled and the rig sends its depth."));
   // Show only the last drilled part of a long hole.
   const [bottom, top] = [Math.max(...all), Math.max(Math.min(...all), Math.max(...all) - 600)];
   const [width, height] = [Math.max(330, size.width / scale()), Math.max(220, size.height / scale())];

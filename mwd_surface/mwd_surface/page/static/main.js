@@ -6,7 +6,7 @@ import { ChartsTab } from "./charts_tab.js";
 import { Connection } from "./connection.js";
 import { showControl } from "./control_panel.js";
 import { Dial } from "./dial.js";
-import { byId, setText } from "./dom.js";
+import { byId, scale, setText } from "./dom.js";
 import { showDownlink } from "./downlink_panel.js";
 import { showAlarmStrip, showBanner, showClock, showPills, showTitle, showWell } from "./header.js";
 import { act, mayCommand, operatorName, showControls, showRods } from "./operator_tab.js";
@@ -218,6 +218,13 @@ byId("view").addEventListener("click", () => {
   else if (document.fullscreenElement) document.exitFullscreen();
 });
 
+// The type of a chart is fixed when the chart is made; it follows the size of the screen like all other type.
+let typeScale = scale();
+window.addEventListener("resize", () => {
+  if (scale() === typeScale) return;
+  typeScale = scale();
+  redraw();
+});
 new ResizeObserver(showWellPath).observe(byId("tab-path"));
 new ResizeObserver(() => showLogs(connection.sections)).observe(byId("tab-logs"));
 new ResizeObserver(() => showTool(connection.sections)).observe(byId("tab-tool"));

@@ -112,7 +112,7 @@ function near(clearance) {
   const length = (v) => `${units.number("length", v)} ${units.unit("length")}`;
   const lines = clearance.rows.map((c) => el("div", {},
     el("dt", {}, c.name),
-    el("dd", { title: t`${length(c.distance)} away at ${length(c.measured_depth)}; least allowed ${length(c.allowed)}` },
+    el("dd", { title: t`${length(c.distance)} away at ${length(c.measured_depth)}; smallest allowed ${length(c.allowed)}` },
       pill(LEVELS[c.level], `${say(c.level)} ${units.decimal(c.factor.toFixed(2))}`)),
   ));
   return [el("dl", { id: "clearance", class: "near" }, lines)];

@@ -29,7 +29,7 @@ function build(replay) {
     oninput: () => { setText(built.at, time(Number(slider.value))); },
     onchange: () => { held = false; ask({ seek: Number(slider.value) }); },
   });
-  const rate = el("select", { id: "replay-rate", "aria-label": t("Rate"), onchange: () => ask({ rate: Number(rate.value) }) },
+  const rate = el("select", { id: "replay-rate", "aria-label": t("Playback speed"), onchange: () => ask({ rate: Number(rate.value) }) },
     RATES.map((value) => el("option", { value }, `${value} ×`)));
   const at = el("output", { id: "replay-at" });
   byId("replay").append(play, slider, at, el("span", {}, `/ ${time(replay.length)}`), rate);

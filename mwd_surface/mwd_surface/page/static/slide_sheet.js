@@ -17,7 +17,7 @@ function toolface(s) {
 
 export function slideSheet(steering) {
   const { rows, yields, left_out: left } = steering;
-  if (!rows.length) return [el("p", { class: "empty" }, t("No hole made yet: the sheet grows while the rig sends bit and hole depth."))];
+  if (!rows.length) return [el("p", { class: "empty" }, t("Nothing drilled yet: the sheet grows while the rig sends bit and hole depth."))];
   const unit = units.unit("length");
   const total = (mode) => rows.filter((s) => s.mode === mode).reduce((sum, s) => sum + s.length, 0);
   const [slid, turned] = [total("slide"), total("rotate")];
@@ -35,7 +35,7 @@ export function slideSheet(steering) {
         length(one.from_depth), length(one.to_depth), length(one.slid), length(one.rotated), units.number("angle", one.dogleg),
         one.motor === null ? "–" : units.number("dogleg", one.motor),
       ])))))
-    : el("p", { class: "empty" }, t("No surveyed interval was drilled under this sheet yet."));
+    : el("p", { class: "empty" }, t("This sheet covers no interval between two surveys yet."));
   return [
     el("div", { class: "split two" },
       el("div", {}, el("h2", {}, t("Slide sheet")),

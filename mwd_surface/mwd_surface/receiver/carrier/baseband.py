@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.telemetry.carrier import Carrier
+from mwd_surface.receiver.pump_lines import line_frequencies
 
 Complex = NDArray[np.complex128]
 PER_SYMBOL = 8  # envelope values per symbol
@@ -25,8 +26,6 @@ _CUT_OFF = 3.5
 _HALF = 1.5
 # Smallest ratio of the power of a line to the spectrum around it. No symbol sequence of a block reaches this ratio.
 _STANDS_OUT = 25.0
-_NEIGHBOURHOOD = 32  # bins of the spectrum around a line whose median is the noise floor
-_MOST_LINES = 12  # largest number of lines
 # The amplitude and phase of a line vary with the pump speed: each line is modelled by four slow cosines over a block.
 WANDER = 4
 
@@ -96,10 +95,8 @@ def envelope(value: Array, known: Array, band: Band, at: float, count: int, symb
     ----------
     value, known : ndarray, shape (n,)
         Samples of the grid with their mean removed, and 1 where a sample is known.
-    band : Band
     at : float
         Position of the first value, steps.
-    count : int
     symbol : float
         Steps per symbol by the clock of the tool; the carrier of the tool runs on the same clock.
 
@@ -122,30 +119,10 @@ def lines(value: Array, band: Band) -> Array:
     """
     Return the frequencies of the spectral lines in a band, strongest first.
 
-    value, shape (n,): samples of the grid. Returns shape (k,), rad per step, at most `_MOST_LINES`; none if the samples
-    are too few to find the noise floor in the band.
+    value, shape (n,): samples of the grid. Returns shape (k,), rad per step.
     """
-    # The first difference removes the slope of 1/f noise, so that the noise floor is flat.
-    step = np.diff(value)
-    power = np.abs(np.fft.rfft((step - step.mean()) * np.hanning(len(step)))) ** 2
-    per_bin = 2.0 * math.pi / len(step)
     reach = 2.0 * math.pi * band.cut_off
-    low = max(int((band.omega - reach) / per_bin), 2)
-    high = min(int((band.omega + reach) / per_bin), len(power) - 3)
-    if high - low < 2 * _NEIGHBOURHOOD:
-        return np.zeros(0)
-    near = np.lib.stride_tricks.sliding_window_view(power[low : high + 1], _NEIGHBOURHOOD)
-    floor = np.pad(
-        np.median(near, axis=1), (_NEIGHBOURHOOD // 2, _NEIGHBOURHOOD - 1 - _NEIGHBOURHOOD // 2), mode="edge"
-    )
-    inner = power[low : high + 1]
-    peak = (inner >= power[low - 1 : high]) & (inner >= power[low + 1 : high + 2]) & (inner > _STANDS_OUT * floor)
-    found = np.flatnonzero(peak)
-    found = low + found[np.argsort(-inner[found], kind="stable")][:_MOST_LINES]
-    # Interpolate the frequency of a Hann-windowed line from the amplitudes next to its largest one.
-    left, middle, right = (np.sqrt(power[found + k]) for k in (-1, 0, 1))
-    share = (right - left) / (2.0 * middle - left - right + 1e-300)
-    return np.asarray(per_bin * (found + 0.5 * np.clip(share, -1.0, 1.0)))
+    return line_frequencies(value, _STANDS_OUT, (band.omega - reach, band.omega + reach))
 
 
 def line_columns(found: Array, band: Band, count: int, symbol: float) -> Complex:

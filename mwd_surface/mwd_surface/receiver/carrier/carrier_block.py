@@ -56,8 +56,6 @@ class BlockDecision:
     ----------
     bits : ndarray, shape (n,)
         Log posterior ratio of each bit at the input of the encoder, positive for 0.
-    symbols : ndarray, shape (block_symbols,)
-        Posterior mean of each symbol.
     evidence : float
         Log evidence, to compare trials of the same block.
     ebn0_db : float
@@ -72,7 +70,6 @@ class BlockDecision:
     """
 
     bits: Array
-    symbols: Complex
     evidence: float
     ebn0_db: float
     turn: float
@@ -120,7 +117,6 @@ class BlockDecoder:
 
         Parameters
         ----------
-        data : BlockData
         taps : ndarray, optional
             Prediction error filter of the noise in the previous block.
         turns : int
@@ -136,7 +132,7 @@ class BlockDecoder:
         rows = slice(PER_SYMBOL * self._marker.start, PER_SYMBOL * self._marker.stop)
         if np.mean(data.known[rows]) < 0.5 or not np.any(data.envelope[rows]):
             nothing = np.zeros(self._carrier.coded_bits // 2 - MEMORY)
-            return BlockDecision(nothing, mean[MARGIN:-MARGIN], -math.inf, -60.0, 0.0, np.ones(1, dtype=complex))
+            return BlockDecision(nothing, -math.inf, -60.0, 0.0, np.ones(1, dtype=complex))
         weight = data.known.copy()
         given_taps = taps is not None
         taps = taps if taps is not None else np.ones(1, dtype=complex)
@@ -160,7 +156,6 @@ class BlockDecoder:
         coded_energy = quality / (2.0 if self._carrier.modulation == "qpsk" else 1.0)
         return BlockDecision(
             bits,
-            mean[MARGIN:-MARGIN],
             evidence,
             10.0 * math.log10(max(2.0 * coded_energy, 1e-6)),
             self._turn(estimate, mean, prior),

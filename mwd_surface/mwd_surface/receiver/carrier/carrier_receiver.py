@@ -28,7 +28,7 @@ _PAST = 48  # symbols before a step from which its noise is estimated
 _CLOCK = 1.2e-3  # largest relative error of the tool's clock that is searched
 _STEP_RAD = 0.7  # difference of the phase at the end of a block between two clock trials
 _KEPT_BLOCKS = 3  # length of the samples that are kept, blocks
-# Least number of samples per period at the upper edge of the carrier's band.
+# Smallest number of samples per period at the upper edge of the carrier's band.
 _LEAST = 2.1
 # Score below which a marker counts as absent at the place where the next block should begin.
 _ABSENT = 3.0
@@ -79,6 +79,8 @@ class CarrierReceiver(SampledReceiver):
         super().__init__(baseband.step_s(tool.carrier))
         self._band = baseband.band_of(tool.carrier)
         self._decoder = BlockDecoder(tool.carrier)
+        # Symbols from the start of a block to the middle of its marker.
+        self._half = tool.carrier.half + 0.5 * MARKER_SYMBOLS
         self._hop_steps = round(_HOP * self._band.symbol)
         self._hop = 0
         self._candidate: tuple[float, float] | None = None
@@ -223,8 +225,7 @@ class CarrierReceiver(SampledReceiver):
         Return the best decision, the corrected steps per symbol, name and data bytes of the block if its check holds
         (else None), and the number of trials.
         """
-        half = self._carrier.half + 0.5 * MARKER_SYMBOLS
-        best = symbols[0]
+        half, best = self._half, symbols[0]
         if len(symbols) > 1:
             claims = [self._decoder.decode(self._data(middle - half * one, one), taps, 1).evidence for one in symbols]
             best = symbols[int(np.argmax(claims))]
@@ -247,17 +248,13 @@ class CarrierReceiver(SampledReceiver):
         turned = self._band.omega * symbol * 0.5 * self._carrier.block_symbols * _CLOCK
         count = 2 * math.ceil(turned / _STEP_RAD) + 1
         clocks = [symbol * (1.0 + e) for e in np.linspace(-_CLOCK, _CLOCK, count)]
-        middle = start + (self._carrier.half + 0.5 * MARKER_SYMBOLS) * symbol
+        middle = start + self._half * symbol
         decision, found, block, tries = self._best(middle, clocks, None)
         if block is None:
             return
-        name, words = block
         self._pass = None
-        half = self._carrier.half + 0.5 * MARKER_SYMBOLS
-        begin = middle - half * found
-        self._lock = _Lock(begin, found, name, decision.taps)
-        odds = odds_of_marker(score) / tries
-        self._received(done, (name, words), decision, odds)
+        self._lock = _Lock(middle - self._half * found, found, block[0], decision.taps)
+        self._received(done, self._lock, block, decision, odds_of_marker(score) / tries)
 
     def _follow(self, lock: _Lock, done: Reception) -> None:
         """
@@ -266,8 +263,7 @@ class CarrierReceiver(SampledReceiver):
         A block whose check fails counts as missed. Tracking ends if the marker of such a block is absent too, or if
         more than `_MOST_LOST` blocks in a row fail.
         """
-        half = self._carrier.half + 0.5 * MARKER_SYMBOLS
-        middle = lock.start + half * lock.symbol
+        middle = lock.start + self._half * lock.symbol
         decision, found, block, tries = self._best(middle, [lock.symbol], lock.taps)
         if block is None:
             at = lock.start + self._carrier.half * lock.symbol
@@ -282,15 +278,14 @@ class CarrierReceiver(SampledReceiver):
         # Average the clock over many blocks; the first block gives the first estimate.
         gain = max(1.0 / (lock.blocks + 1), 0.2)
         lock.symbol += gain * (found - lock.symbol)
-        lock.start = middle - half * lock.symbol
+        lock.start = middle - self._half * lock.symbol
         lock.taps, lock.name, lock.lost = decision.taps, block[0], 0
         lock.blocks += 1
-        self._received(done, block, decision, ODDS_EXPECTED / tries)
+        self._received(done, lock, block, decision, ODDS_EXPECTED / tries)
 
-    def _received(self, done: Reception, block: tuple[BlockName, bytes], decision: BlockDecision, odds: float) -> None:
-        lock = self._lock
-        if lock is None:
-            return
+    def _received(
+        self, done: Reception, lock: _Lock, block: tuple[BlockName, bytes], decision: BlockDecision, odds: float
+    ) -> None:
         name, data = block
         span = self._span(lock)
         done.frames += self._next_pass(name, span[0], decision.ebn0_db)

@@ -36,7 +36,6 @@ def prediction_error_filter(noise: Complex, weight: Array, order: int) -> Comple
     noise : ndarray, shape (n,)
     weight : ndarray, shape (n,)
         0 where a sample is unknown or disturbed.
-    order : int
     """
     root = np.sqrt(weight)
     x = root * noise

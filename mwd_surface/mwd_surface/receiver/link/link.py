@@ -30,7 +30,7 @@ from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.resampling import LARGEST
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
-from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, believed
+from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, believed, item_of
 
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
 # Eb/N0 at which 19 of 20 words of 13 bits with parity are right (docs/benchmarks.md, limits of the code).
@@ -99,7 +99,6 @@ class Link:
         Tool configuration, the same as in the tool.
     name : str
         mud_pulse, em, coil or serial.
-    rules : AgeRules
     stamp_ns : callable
         Converts a time on the clock of the samples, s, to a stamp, ns.
     """
@@ -242,7 +241,7 @@ class Link:
             self._last_word = word if self._last_word is None or word.end_s > self._last_word.end_s else self._last_word
         for word in got.words:
             self._final.append(word)
-            self._good.append((word.end_s, self._bits(word) if word.usable else 0))
+            self._good.append((word.end_s, item_of(word, self._tool).bits if word.usable else 0))
             if word.kind == "survey":
                 self._survey_words.setdefault(word.frame, []).append(word)
         while self._good and self._good[0][0] < self.now_s - _GOODPUT_S:
@@ -252,10 +251,6 @@ class Link:
             if frame.kind == "survey":
                 out.surveys += self._survey_of(self._survey_words.pop(frame.frame, []))
         return out
-
-    def _bits(self, word: ReceivedWord) -> int:
-        sequences = self._tool.surveys if word.kind == "survey" else self._tool.toolfaces
-        return max((item.bits for items in sequences for item in items if item.name == word.name), default=0)
 
     def _survey_of(self, words: list[ReceivedWord]) -> list[HeardSurvey]:
         """Return a list with the survey in the words of one pass of a sequence; empty if no word is usable."""

@@ -116,10 +116,6 @@ class LinkAttitude:
     """
     Attitude from the newest words of a link, as samples of `wire.ATTITUDE`.
 
-    Parameters
-    ----------
-    rules : AgeRules
-
     Attributes
     ----------
     travel_s : float

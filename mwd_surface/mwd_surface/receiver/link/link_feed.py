@@ -50,7 +50,6 @@ class LinkFeed:
     ----------
     tool : ToolConfiguration
         Tool configuration, the same as in the tool.
-    rules : AgeRules
     warn : callable
         Called with a sentence each time the link is restarted.
     clock : callable

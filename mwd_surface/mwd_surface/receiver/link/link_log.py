@@ -33,8 +33,6 @@ def log_samples(
 
     Parameters
     ----------
-    words : iterable of ReceivedWord
-    tool : ToolConfiguration
     stamp_of : callable
         Returns the stamp, ns, at which the tool sent the signal that the surface received at a time, s.
     """

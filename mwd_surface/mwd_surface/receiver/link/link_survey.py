@@ -97,7 +97,6 @@ def survey(
     ----------
     values : dict
         Believed words by their meaning (`telemetry.meanings`).
-    at : SurveyTime
     sequence : int
         Number of the survey, from 1.
     link : str
@@ -106,7 +105,6 @@ def survey(
         Reference field at the site; without it the totals are not judged and the azimuth stays magnetic.
     errors : SensorErrors, optional
         Errors of the tool code; ordinary MWD by default.
-    quality : QualitySettings, optional
     """
     if meanings.INCLINATION not in values:
         return None

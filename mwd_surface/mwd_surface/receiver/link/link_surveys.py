@@ -24,7 +24,6 @@ from mwd_surface.receiver.link.link_survey import HeardSurvey, survey
 from mwd_surface.receiver.words import LinkValue
 
 _OF_SURVEY = (meanings.INCLINATION, meanings.AZIMUTH, meanings.G_TOTAL, meanings.B_TOTAL, meanings.DIP)
-_ANGLES = (meanings.AZIMUTH,)
 _SPARE_S = 30.0  # time in addition to the slowest link for which a survey waits for more words, s
 # Largest difference of two words that may be roundings of one value, as a multiple of the sum of their sigmas: half a
 # step of each word. The sigma of a word is its step over sqrt(12).
@@ -167,7 +166,7 @@ def _agree(one: LinkValue, two: LinkValue, quantity: str) -> bool:
     if one.sigma == two.sigma:
         return one.raw == two.raw
     off = one.value - two.value
-    if quantity in _ANGLES:
+    if quantity == meanings.AZIMUTH:
         off = math.remainder(off, math.tau)
     return abs(off) <= _HALF_STEPS * (one.sigma + two.sigma)
 

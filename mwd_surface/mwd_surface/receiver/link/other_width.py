@@ -26,7 +26,7 @@ from mwd_surface.receiver.words import BELIEVED, Reception
 _TRIED_S = 900.0
 # Pressure before flow-on that is kept, s, so that the receiver sees the flow come on.
 _BEFORE_S = 20.0
-# Least score of a sync whose words are tried. If a hundred widths are tried on an hour of noise, one of them reaches
+# Lowest score of a sync whose words are tried. If a hundred widths are tried on an hour of noise, one of them reaches
 # this score in about one case of ten.
 _LEAST_SCORE = 14.0
 # Widths relative to the estimated one that are tried; the clock of the receiver follows half a percent.
@@ -93,7 +93,6 @@ def sent_tool(
     tool : ToolConfiguration
         Tool configuration; its sequences are used.
     time_s, pressure_pa : ndarray, shape (n,)
-    strokes : mapping of int to ndarray
     syncs : sequence of Sync
         Syncs to try.
     parities : sequence of str
@@ -141,10 +140,6 @@ def sentence(tool: ToolConfiguration, width_s: float) -> str:
 class OtherWidth:
     """
     Search for another pulse width in the pressure since flow-on, one width per second of samples.
-
-    Parameters
-    ----------
-    tool : ToolConfiguration
 
     Attributes
     ----------

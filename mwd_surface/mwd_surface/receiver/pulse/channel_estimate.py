@@ -33,6 +33,7 @@ _NEAR_S, _SLOW, _SLOW_S = 0.3, 0.1, 8.0
 # frequencies first.
 _ROUGH, _SMOOTHER = 1.5, 3.0
 _FEW = 1e-3  # expected number of pulses below which a term is skipped
+LAGS = 20  # largest distance between two possible places of one pulse, TU
 _LEAST = 3e-4  # share of the largest variance below which components are dropped
 
 
@@ -79,9 +80,9 @@ def basis(length: int, tu_s: float) -> Array:
 
 
 @compiled
-def pulse_columns(train: Array, shapes: Array, columns: Array) -> None:
+def pulse_columns(train: Array, shapes: Array) -> Array:
     """
-    Fill the whitened pressure of a train of pulses for each component of the response.
+    Return the whitened pressure of a train of pulses for each component of the response.
 
     Parameters
     ----------
@@ -89,12 +90,14 @@ def pulse_columns(train: Array, shapes: Array, columns: Array) -> None:
         Expected number of edges at each sample.
     shapes : ndarray, shape (c, m)
         Whitened components, which begin `BEFORE` samples before the edge.
-    columns : ndarray, shape (n, c)
-        Filled by this function.
+
+    Returns
+    -------
+    ndarray, shape (n, c)
     """
     n, (c, m) = len(train), shapes.shape
     turned = np.ascontiguousarray(shapes.T)
-    columns[:] = 0.0
+    columns = np.zeros((n, c))
     for i in range(n):
         if train[i] > 1e-4:
             for k in range(m):
@@ -102,12 +105,13 @@ def pulse_columns(train: Array, shapes: Array, columns: Array) -> None:
                 if 0 <= j < n:
                     for a in range(c):
                         columns[j, a] += train[i] * turned[k, a]
+    return columns
 
 
 @compiled
-def normal_equations(columns: Array, whitened: Array, weight: Array, matrix: Array, right: Array) -> None:
+def normal_equations(columns: Array, whitened: Array, weight: Array) -> tuple[Array, Array]:
     """
-    Fill the normal equations of the coefficients.
+    Return the normal equations of the coefficients.
 
     Parameters
     ----------
@@ -117,12 +121,16 @@ def normal_equations(columns: Array, whitened: Array, weight: Array, matrix: Arr
         Whitened pressure.
     weight : ndarray, shape (n,)
         Weight of each sample.
-    matrix, right : ndarray, shapes (c, c), (c,)
-        Filled by this function.
+
+    Returns
+    -------
+    ndarray, shape (c, c)
+        Matrix.
+    ndarray, shape (c,)
+        Right side.
     """
     n, c = columns.shape
-    matrix[:] = 0.0
-    right[:] = 0.0
+    matrix, right = np.zeros((c, c)), np.zeros(c)
     for j in range(n):
         w = weight[j]
         if w > 0.0:
@@ -134,6 +142,7 @@ def normal_equations(columns: Array, whitened: Array, weight: Array, matrix: Arr
     for a in range(c):
         for b in range(a):
             matrix[b, a] = matrix[a, b]
+    return matrix, right
 
 
 def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, float, Array]:
@@ -163,9 +172,9 @@ def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, floa
 
 
 @compiled
-def place_pairs(pulses: Array, weight: Array, out: Array) -> None:
+def place_pairs(pulses: Array, weight: Array) -> Array:
     """
-    Sum the products of the probabilities of two places of one pulse, by the distance of the places.
+    Return the sums of the products of the probabilities of two places of one pulse, by the distance of the places.
 
     Parameters
     ----------
@@ -174,10 +183,13 @@ def place_pairs(pulses: Array, weight: Array, out: Array) -> None:
         places of a pulse follow each other.
     weight : ndarray, shape (n,)
         Weight of each sample.
-    out : ndarray, shape (k,)
-        Sum of the products of the two probabilities by distance, TU, weighted by the samples of each pulse.
+
+    Returns
+    -------
+    ndarray, shape (LAGS,)
+        Sums by distance, TU, weighted by the samples of each pulse.
     """
-    out[:] = 0.0
+    out = np.zeros(LAGS)
     for a in range(len(pulses)):
         first = round(pulses[a, 0])
         known = weight[first : first + _PULSE].sum() / _PULSE if first >= 0 else 0.0
@@ -187,6 +199,7 @@ def place_pairs(pulses: Array, weight: Array, out: Array) -> None:
             if gap < len(out):
                 out[gap] += known * pulses[a, 1] * pulses[b, 1]
             b -= 1
+    return out
 
 
 def spread(pairs: Array, shapes: Array) -> Array:
@@ -217,68 +230,28 @@ def spread(pairs: Array, shapes: Array) -> Array:
     return out
 
 
-def uncertainty(u: Array, covariance: Array, shapes: Array) -> float:
-    """
-    Return the variance that an uncertain response adds to the decision between two places one TU apart.
-
-    The unit is the variance of the noise.
-
-    The error of the response multiplies the pulse and, where pulses are weak, the noise. The other place is either the
-    earlier or the later one.
-
-    Parameters
-    ----------
-    u, covariance : ndarray, shapes (c,), (c, c)
-        Posterior mean and covariance of the coefficients.
-    shapes : ndarray, shape (c, m)
-        Whitened components.
-    """
-    count, length = shapes.shape
-    alone = np.zeros((count, length + 2 * SAMPLES_PER_TU))
-    alone[:, SAMPLES_PER_TU : SAMPLES_PER_TU + length] = shapes
-    pulse = u @ alone
-    total = 0.0
-    for other in (0, 2 * SAMPLES_PER_TU):
-        apart = alone.copy()
-        apart[:, other : other + length] -= shapes
-        metric, gram = apart @ pulse, apart @ apart.T
-        total += 0.5 * float(metric @ covariance @ metric + np.sum(gram * covariance))
-    return total / max(float(u @ gram @ u), 1e-300)
-
-
-def sensitivity(response: Array) -> float:
-    """
-    Return the standard deviation, noise being 1, that a timing error of one sample adds to a decision between places.
-
-    response, shape (m,): whitened response.
-    """
-    later = np.pad(response, (SAMPLES_PER_TU, 0))
-    apart = np.pad(response, (0, SAMPLES_PER_TU)) - later
-    slope = np.gradient(later + apart)
-    return float(abs(apart @ slope) / max(float(np.linalg.norm(apart)), 1e-300))
-
-
 @compiled
-def reconstruct(train: Array, response: Array, out: Array) -> None:
+def reconstruct(train: Array, response: Array) -> Array:
     """
-    Fill out, shape (n,), with the pressure of a train of pulses.
+    Return the pressure of a train of pulses, shape (n,).
 
     train, shape (n,): expected number of edges at each sample; response, shape (m,): begins `BEFORE` samples before the
     edge.
     """
-    out[:] = 0.0
+    out = np.zeros(len(train))
     for i in range(len(train)):
         if abs(train[i]) > 1e-4:
             for k in range(len(response)):
                 j = i - BEFORE + k
                 if 0 <= j < len(out):
                     out[j] += train[i] * response[k]
+    return out
 
 
 @compiled
-def matched(whitened: Array, weight: Array, response: Array, start: int, out: Array, energy: Array) -> None:
+def matched(whitened: Array, weight: Array, response: Array, start: int, count: int) -> tuple[Array, Array]:
     """
-    Fill the output of the matched filter at each TU.
+    Return the output of the matched filter at each TU.
 
     Parameters
     ----------
@@ -288,10 +261,18 @@ def matched(whitened: Array, weight: Array, response: Array, start: int, out: Ar
         Whitened response, which begins `BEFORE` samples before the edge.
     start : int
         Sample of the first place.
-    out, energy : ndarray, shape (k,)
-        Correlation, and energy of the response under the weights at that place.
+    count : int
+        Number of places.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Correlation at each place.
+    ndarray, shape (count,)
+        Energy of the response under the weights at that place.
     """
-    for k in range(len(out)):
+    out, energy = np.empty(count), np.empty(count)
+    for k in range(count):
         total = power = 0.0
         for m in range(len(response)):
             j = start + k * SAMPLES_PER_TU - BEFORE + m
@@ -301,6 +282,7 @@ def matched(whitened: Array, weight: Array, response: Array, start: int, out: Ar
                 power += w * response[m]
         out[k] = total
         energy[k] = power
+    return out, energy
 
 
 def common_energy(response: Array, places: int) -> Array:

@@ -22,7 +22,7 @@ from mwd_surface.receiver.pulse import segment, trellis
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.words import packet_rows
 
-# Least number of bits of a stretch: short words are decoded together. A survey word is long enough alone, so it is
+# Smallest number of bits of a stretch: short words are decoded together. A survey word is long enough alone, so it is
 # shown as soon as it has arrived.
 _STRETCH_BITS = 12
 # Bits used to decide whether a sequence is present, and which one.
@@ -33,7 +33,7 @@ _BEAM = 16  # number of the most probable codes of a word that are kept
 # like a pulse. Against known words, the best temperature is 1 in undisturbed white noise and in wells, and 2 to 3 in
 # stalls, whatever share of the word they cover.
 _TEMPERATURES = (1.0, 2.5)
-# Least probability of a parity that floating point distinguishes from 0.
+# Lowest probability of a parity that floating point distinguishes from 0.
 _LEAST = tuple(1e-15 ** (1.0 / temperature) for temperature in _TEMPERATURES)
 
 
@@ -52,7 +52,6 @@ class DecodedWord:
 
     Attributes
     ----------
-    item : SequenceItem
     rows : ndarray, shape (k, 6)
         Packets of the word, as in `trellis.forward_backward`.
     at, length : int
@@ -61,8 +60,6 @@ class DecodedWord:
         Probability of each value of each packet.
     present : ndarray, shape (k, values)
         Probability that the pulse of each value is present.
-    soft : Soft
-    ebn0_db : float
     pulses : bool
         Whether any pulses were found in the word.
     """
@@ -101,12 +98,10 @@ class Pass:
     ----------
     kind : str
         "survey" or "toolface".
-    items : tuple of SequenceItem
     start : int
         First sample of the transmission.
     done, at : int
         Number of decoded words, and the sample at which the next word begins.
-    parts : list of DecodedWord
     shown : int
         Number of words already reported as provisional.
     """
@@ -185,7 +180,7 @@ def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH
 
 
 def sync_places(tool: ToolConfiguration, start: int) -> list[PulsePlace]:
-    """Return the pulses of a sync that starts at a sample."""
+    """Return the places of the pulses of a sync that starts at the sample `start`."""
     edges = (float(start + SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu)
     return [PulsePlace(edge, 1.0, edge) for edge in edges]
 
@@ -223,24 +218,18 @@ def _soft_values(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
     """Return the words of the pulse position code with their most probable codes, for `soft_words`."""
-    count, values = len(rows), trellis.values_of(rows)
-    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
-    chance, even = np.empty((count, values)), np.empty(count)
-    ends = np.flatnonzero(rows[:, 2])
+    ends = np.flatnonzero(rows[:, trellis.ENDS])
     firsts = np.concatenate([[0], ends[:-1] + 1])
     holds = np.empty((len(items), len(_TEMPERATURES)))
     codes: list[dict[int, list[float]]] = [{} for _ in items]
     for t, temperature in enumerate(_TEMPERATURES):
         given = (rows, decision.unary / temperature, decision.common / temperature, decision.level)
-        trellis.forward_backward(*given, -1, forward, backward)
-        trellis.marginals(rows, forward, backward, chance, even)
+        _, even, _ = trellis.marginals(rows, *trellis.forward_backward(*given, -1))
         holds[:, t] = even[ends] if parity == 0 else 1.0 - even[ends]
-        trellis.forward_backward(*given, parity, forward, backward)
-        evidence = trellis.marginals(rows, forward, backward, chance, even)
-        found = np.empty((_BEAM, 2))
+        sums = trellis.forward_backward(*given, parity)
+        _, _, evidence = trellis.marginals(rows, *sums)
         for k, item in enumerate(items):
-            made = trellis.best_words(*given, forward, backward, int(firsts[k]), found)
-            for code, log in found[:made]:
+            for code, log in trellis.best_words(*given, *sums, int(firsts[k]), _BEAM):
                 value = int(code) >> 1 if item.parity else int(code)
                 codes[k].setdefault(value, [0.0] * len(_TEMPERATURES))[t] += math.exp(min(log - evidence, 0.0))
     chances = [np.array(list(one.values())).T for one in codes]
@@ -254,19 +243,16 @@ def _soft_ranks(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
     """Return the words of the combinatorial code with their most probable codes, for `soft_words`."""
-    count, values = len(rows), trellis.values_of(rows)
-    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     ends = np.flatnonzero(rows[:, trellis.ENDS])
     holds = np.empty((len(items), len(_TEMPERATURES)))
     chances: list[list[Array]] = [[] for _ in items]
     for t, temperature in enumerate(_TEMPERATURES):
         unary, common = decision.unary / temperature, decision.common / temperature
-        trellis.forward_backward(rows, unary, common, decision.level, -1, forward, backward)
+        forward, backward = trellis.forward_backward(rows, unary, common, decision.level, -1)
         for k, (item, end) in enumerate(zip(items, ends, strict=True)):
             table = combinatorial.values(item.length)
-            log = np.empty(len(table))
             to = slice(0, end + 1)
-            trellis.all_words(rows[to], unary[to], common, decision.level[to], forward[to], backward[to], table, log)
+            log = trellis.all_words(rows[to], unary[to], common, decision.level[to], forward[to], backward[to], table)
             chance = np.exp(log - log.max())
             held = combinatorial.odd(item.length) == parity
             holds[k, t] = chance[held].sum() / chance.sum()

@@ -45,7 +45,6 @@ class PulseReceiver(SampledReceiver):
 
     Parameters
     ----------
-    tool : ToolConfiguration
     flow : FlowSpans, optional
         Spans without flow in the same pressure, which the caller updates before each push; without them the receiver
         finds the spans itself.
@@ -220,7 +219,7 @@ class PulseReceiver(SampledReceiver):
         guard = SAMPLES_PER_TU * _GUARD_TU
         # During a transmission use its noise model, because noise learnt again would contain the pulses.
         leader = self._tracker.leader
-        whitener = None if leader is None else leader.channel.stepwise
+        whitener = None if leader is None else leader.channel.whitener
         least = synchronisation.EXPECTED_THRESHOLD if self._expected(end_tu) else synchronisation.THRESHOLD
         spans = (low - guard, high + guard)
         found = synchronisation.search(pressure, known, self._tool, *spans, whitener, angles, least)

@@ -5,7 +5,7 @@ Decoder of a stretch of a transmission: it finds packets and noise together, wit
 It alternates the forward-backward algorithm over the packets with a new noise model. The packets are those of the next
 words or, when a pass of a sequence is complete, those of all its words again, each word being a group. The channel of a
 group is estimated from the sync and the packets before and after the group, never from the pressure of the group
-itself. The uncertainty of the channel is added to the noise.
+itself.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_surface.receiver.pulse import trellis
 from mwd_surface.receiver.pulse.channel_estimate import (
     BEFORE,
+    LAGS,
     SAMPLES_PER_TU,
     coefficients,
     common_energy,
@@ -31,9 +32,7 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     place_pairs,
     pulse_columns,
     reconstruct,
-    sensitivity,
     spread,
-    uncertainty,
 )
 from mwd_surface.receiver.pump_lines import lines, pump_noise
 from mwd_surface.receiver.whitening import filtered, precision, prediction_error_filter
@@ -42,9 +41,7 @@ from mwd_surface.receiver.whitening import filtered, precision, prediction_error
 # 10 TU, 1 to 2 % more words are lost with pulses of .3 s at 4 km (`other_mud.py`).
 ORDER = 24
 FLOOR = 1e-6
-_KEPT = 0.5  # share of the previous sample that is subtracted before noise modelling where the level is steady
 _ROUNDS = 3
-_LAGS = 20  # largest distance between two possible places of one pulse, TU
 _TAIL = 24  # samples by which whitening lengthens the response
 _FEW = 1e-4  # expected number of pulses at a place below which they do not count
 # Prior probability that the pulse of a packet is missing, and probability that its window holds a second pulse.
@@ -65,8 +62,6 @@ class ChannelEstimate:
         Standard deviation of the coefficients of its components.
     whitener : ndarray
         Prediction error filter of the noise.
-    stepwise : ndarray
-        The same for a noise model without the level, for a search that does not know the level.
     components : ndarray, shape (c, m)
         Components of the response (`channel_estimate.basis`).
     memory : float
@@ -78,7 +73,6 @@ class ChannelEstimate:
     response: Array
     scale: float
     whitener: Array
-    stepwise: Array
     components: Array
     memory: float
     posterior: tuple[Array, Array] | None = None
@@ -108,9 +102,6 @@ class StretchOnToolClock:
         Probability of each packet value from an earlier decoding.
     angles : ndarray, shape (pumps, n), optional
         Crank angles of pumps with stroke counters, rad.
-    pace_error : float
-        1 sigma of the relative error of the tool's clock: the timing error of a pulse is this times its distance from
-        the pulses that gave the response.
     carried : (ndarray, ndarray), optional
         Coefficients and precision of the response from before an interruption, if too few pulses precede this stretch.
     missing : float
@@ -128,7 +119,6 @@ class StretchOnToolClock:
     parity: int
     probability: Array | None = None
     angles: Array | None = None
-    pace_error: float = 0.0
     carried: tuple[Array, Array] | None = None
     missing: float = MISSING
     sync: tuple[int, int] | None = None
@@ -203,87 +193,45 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
 
     Parameters
     ----------
-    stretch : StretchOnToolClock
     channel : ChannelEstimate
         Estimate to start from.
     """
-    packets, count = stretch.packets, len(stretch.packets)
+    packets, places = stretch.packets, trellis.places_of(stretch.packets)
     weight, again = stretch.known.copy(), stretch.probability is not None
     probability = trellis.uniform(packets) if stretch.probability is None else stretch.probability.copy()
-    values = trellis.values_of(packets)
-    whitened = np.empty(len(stretch.pressure))
     state = dataclasses.replace(channel)
-    span = int(stretch.groups[-1, 2])
-    unary, alone, level = np.zeros((count, values)), np.zeros((count, values)), np.ones(count)
-    common = np.zeros(1)
-    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
-    even, evidence = np.empty(count), 0.0
-    present, metric, sure = np.ones((count, values)), np.zeros(span), np.ones(count)
-    share = sure
+    present = np.ones(places.shape)
     pumps, angles = _pumps(stretch, state, probability)
     for turn in range(_ROUNDS):
-        filtered(stretch.pressure - pumps, state.whitener, whitened)
+        whitened = filtered(stretch.pressure - pumps, state.whitener)
         pulses = probability * present
         train = _train(stretch, pulses)
-        responses, unsure = _estimate(stretch, state, whitened, (weight, train, _places(stretch, pulses)))
+        responses = _estimate(stretch, state, whitened, (weight, train, _all_pulses(stretch, pulses)))
         g = _whitened(state.response, state.whitener)
-        sure = 1.0 / (1.0 + unsure + _lateness(stretch, weight * train, sensitivity(g)))
         weight = _weights(stretch, train, g, whitened) if turn > 0 or again else weight
         metric, level = _metric(stretch, responses, state.whitener, (whitened, weight))
         common = common_energy(g, len(g) // SAMPLES_PER_TU)
-        others = np.round((stretch.pulses[:, 0] - stretch.start) / SAMPLES_PER_TU)
-        near = (others > -len(common)) & (others < span + len(common))
-        shared = np.empty((count, values))
-        trellis.mean_interference(packets, others[near], stretch.pulses[near, 1], common, level, pulses, False, shared)
-        alone = metric[trellis.places_of(packets)] - shared
-        # The errors of the model lower the confidence of words. They do not lower the evidence, nor the probabilities
-        # of places while the response is known from a few pulses: a weak sync would then never teach it. A likelihood
-        # ratio with an estimated response is still one, so noise does not pass for pulses more often.
-        share = sure if again else np.ones(count)
-        unary, present = _unary(stretch, alone, common, (level, share), pulses)
-        trellis.forward_backward(packets, unary, common, share * level, stretch.parity, forward, backward)
-        evidence = trellis.marginals(packets, forward, backward, probability, even)
+        far, beside = shared_energy(stretch, places, common, pulses)
+        unary = metric[places] - level[:, None] * far
+        unary, present = _any_pulses(stretch, unary, level[:, None] * beside, common, level)
+        sums = trellis.forward_backward(packets, unary, common, level, stretch.parity)
+        probability, _, evidence = trellis.marginals(packets, *sums)
         if not (again and turn == _ROUNDS - 1):
             pumps = _new_noise(stretch, probability * present, state, (weight, angles))
-    if not again:
-        unary, _ = _unary(stretch, alone, common, (level, sure), probability * present)
-    # As the evidence, this is lowered only where `share` is.
-    expected_level = share * level
-    level = sure * level
-    fits = _fits(stretch, metric, sure, common, level, probability * present)
+    fits = _fits(stretch, metric, common, level, probability * present)
     g = _whitened(state.response, state.whitener)
     members = stretch.members()
     ways = [trellis.log_ways(packets[mine]) for mine in members]
     counts = np.array([mine.stop - mine.start for mine in members])
     ebn0 = 10.0 * np.log10(np.maximum(float(g @ g) * counts * math.log(2.0) / (2.0 * np.array(ways)), 1e-6))
-    # A pulse at its true place has a metric of half its energy, reduced where samples or response are uncertain.
-    expected = 0.5 * float(g @ g * expected_level.sum()) - sum(ways)
+    # A pulse at its true place has a metric of half its energy, reduced where samples are unknown.
+    expected = 0.5 * float(g @ g * level.sum()) - sum(ways)
     timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability * present, state, weight, pumps)
     return DecodedStretch(
         *(unary, level, common, probability, present, fits, state, stretch.per_packet(ebn0), timing),
         *(evidence - sum(ways), expected, stretch.per_packet(_disturbed(stretch, weight))),
         _sync_size(stretch, probability * present, state, weight, whitened),
     )
-
-
-def _unary(
-    stretch: StretchOnToolClock, alone: Array, common: Array, weights: tuple[Array, Array], pulses: Array
-) -> tuple[Array, Array]:
-    """
-    Return the metric of each value of the packets, and `present` as in `DecodedStretch`.
-
-    alone: metrics without the energy shared with pulses that are not those of the packets before and after; weights:
-    weight of the data around each packet, and the share of the metric that counts; pulses: expected number of pulses at
-    each place of each packet.
-    """
-    packets, (level, share) = stretch.packets, weights
-    unary = share[:, None] * alone
-    if packets[0, trellis.RISING]:
-        return unary, np.ones_like(unary)
-    beside, none = np.empty_like(unary), np.empty(0)
-    trellis.mean_interference(packets, none, none, common, share * level, pulses, True, beside)
-    unary, present = _any_pulses(packets, unary - beside, common, share * level, stretch.missing)
-    return unary + beside, present
 
 
 def _metric(
@@ -297,8 +245,7 @@ def _metric(
     metric, level = np.zeros(int(stretch.groups[-1, 2])), np.ones(len(stretch.packets))
     for (_, begin, end), mine, response in zip(stretch.groups, stretch.members(), responses, strict=True):
         g = _whitened(response, whitener)
-        out, energy = np.empty(end - begin), np.empty(end - begin)
-        matched(*data, g, stretch.start + SAMPLES_PER_TU * int(begin), out, energy)
+        out, energy = matched(*data, g, stretch.start + SAMPLES_PER_TU * int(begin), int(end - begin))
         metric[begin:end] = out - 0.5 * energy
         middle = stretch.packets[mine, trellis.START] + stretch.packets[mine, trellis.COUNT] // 2 - begin
         level[mine] = np.clip(energy[middle] / max(float(g @ g), 1e-300), 0.0, 1.0)
@@ -310,23 +257,28 @@ def _disturbed(stretch: StretchOnToolClock, weight: Array) -> Array:
     return np.array([1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own]))) for own in stretch.own()])
 
 
-def _any_pulses(packets: Indices, unary: Array, common: Array, level: Array, missing: float) -> tuple[Array, Array]:
+def _any_pulses(
+    stretch: StretchOnToolClock, unary: Array, beside: Array, common: Array, level: Array
+) -> tuple[Array, Array]:
     """
     Return metrics that allow for missing and second pulses, and `present` as in `DecodedStretch`.
 
-    unary: metrics without the energy shared with any other packet. The windows of a combinatorial word overlap, so this
-    does not apply to that code.
+    unary: metrics without the energy shared with pulses that are not beside; beside: energy shared with the packets
+    before and after. The windows of a combinatorial word overlap, so its metrics do not change.
 
     A missing pulse has the likelihood of no pulse, whatever the value is; a second pulse may be at any place of the
     window. Both limit the confidence of a packet: a window without its pulse contains no information about the value.
     """
+    packets, missing = stretch.packets, stretch.missing
+    if packets[0, trellis.RISING]:
+        return unary, np.ones_like(unary)
+    unary = unary - beside
     count = packets[:, trellis.COUNT].astype(float)
     real = np.arange(unary.shape[1])[None, :] < packets[:, trellis.COUNT, None]
     second = unary + _second(unary, trellis.places_of(packets), real, common, level) + np.log(_EXTRA / count)[:, None]
-    alone = unary + math.log(1.0 - missing - _EXTRA)
-    pulse = np.logaddexp(alone, second)
+    pulse = np.logaddexp(unary + math.log(1.0 - missing - _EXTRA), second)
     total = np.logaddexp(pulse, math.log(missing))
-    return total, np.exp(pulse - total)
+    return total + beside, np.exp(pulse - total)
 
 
 def _second(unary: Array, at: Indices, real: NDArray[np.bool_], common: Array, level: Array) -> Array:
@@ -336,39 +288,60 @@ def _second(unary: Array, at: Indices, real: NDArray[np.bool_], common: Array, l
     return _log_sum(np.where(real[:, None, :] & (gap > 1), both, -np.inf))
 
 
-def _edges(stretch: StretchOnToolClock, span: int, beyond: int, pulses: Array) -> Array:
-    """Return the expected number of edges at each TU, from `beyond` TU before the packets to `beyond` TU after them."""
-    edges = np.zeros(span + 2 * beyond)
-    known = beyond + np.rint((stretch.pulses[:, 0] - stretch.start) / SAMPLES_PER_TU).astype(np.int64)
-    inside = (known >= 0) & (known < len(edges))
-    np.add.at(edges, known[inside], stretch.pulses[inside, 1])
-    np.add.at(edges, beyond + trellis.places_of(stretch.packets), pulses)
-    return edges
+def shared_energy(stretch: StretchOnToolClock, at: Indices, common: Array, pulses: Array) -> tuple[Array, Array]:
+    """
+    Return the mean energy that a pulse of each packet shares with far pulses, and with those of the packets beside.
+
+    Parameters
+    ----------
+    stretch : StretchOnToolClock
+    at : ndarray, shape (k, n)
+        Places of the pulse of each packet, TU.
+    common : ndarray, shape (m,)
+        Common energy of two pulses, by their distance in TU.
+    pulses : ndarray, shape (k, values)
+        Expected number of pulses at each place of each packet.
+
+    Returns
+    -------
+    ndarray, shape (k, n)
+        Energy shared with all pulses except those of the packet itself and of the packets before and after.
+    ndarray, shape (k, n)
+        Energy shared with the packets before and after.
+    """
+    beyond, known = len(common), _all_pulses(stretch, pulses)
+    place = beyond + (known[:, 0] - stretch.start) / SAMPLES_PER_TU
+    edges = _edges(place, known[:, 1], int(stretch.groups[-1, 2]) + 2 * beyond)
+    total = np.convolve(edges, np.concatenate([common[:0:-1], common]), mode="same")[beyond:][at]
+    places, by_gap = trellis.places_of(stretch.packets), np.append(common, 0.0)
+
+    def shared(one: slice, other: slice) -> Array:
+        gap = np.minimum(np.abs(at[one, :, None] - places[other, None, :]), beyond)
+        return np.asarray(np.sum(pulses[other, None, :] * by_gap[gap], axis=2))
+
+    beside = np.zeros(at.shape)
+    beside[1:] += shared(slice(1, None), slice(None, -1))
+    beside[:-1] += shared(slice(None, -1), slice(1, None))
+    return total - shared(slice(None), slice(None)) - beside, beside
 
 
-def _fits(stretch: StretchOnToolClock, metric: Array, sure: Array, common: Array, level: Array, pulses: Array) -> Array:
+def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Array, pulses: Array) -> Array:
     """
     Return `fits` of `DecodedStretch`; NaN for a combinatorial word, whose windows overlap.
 
-    The table has one pulse in a window. Another table, or a second tool, has one or two pulses at any place of a window
-    and the gap behind it; two of half the size if the response was estimated from syncs that two tools sent together.
-    Without any pulse both have the same likelihood, so silence is no evidence for or against the table.
+    The present table has one pulse in each window. Another table, or a second tool, has one or two pulses anywhere in a
+    window and the gap after it; two pulses have half the size if the response was estimated from syncs that two tools
+    sent together. Without any pulse both have the same likelihood, so silence is no evidence for or against the table.
 
-    metric: metric of a single pulse at each TU; sure: share of the metric that is used, for each packet; pulses:
-    expected number of pulses at each place of each packet.
+    metric: metric of a single pulse at each TU; pulses: expected number of pulses at each place of each packet.
     """
     packets, missing = stretch.packets, stretch.missing
     if packets[0, trellis.RISING]:
         return np.full((len(packets), 3), np.nan)
-    edges = _edges(stretch, len(metric), len(common), pulses)
     size = packets[:, trellis.COUNT, None] + GAP_TU
     each = np.arange(int(size.max()))[None, :]
     at = packets[:, trellis.START, None] + np.minimum(each, size - 1)
-    # Energy shared with all pulses, without those of the packet itself.
-    shared = np.convolve(edges, np.concatenate([common[:0:-1], common]), mode="same")[len(common) :]
-    gap = np.minimum(np.abs(at[:, :, None] - trellis.places_of(packets)[:, None, :]), len(common) - 1)
-    own = np.sum(pulses[:, None, :] * common[gap], axis=2)
-    unary = sure[:, None] * metric[at] - level[:, None] * (shared[at] - own)
+    unary = metric[at] - level[:, None] * sum(shared_energy(stretch, at, common, pulses))
     here = each < size
     inside = _log_sum(np.where(each < size - GAP_TU, unary, -np.inf)) - np.log(size[:, 0] - GAP_TU)
     free = [_log_sum(np.where(here, unary, -np.inf)) - np.log(size[:, 0])]
@@ -386,30 +359,26 @@ def _log_sum(logs: Array) -> Array:
     return np.asarray(top + np.log(np.sum(np.exp(logs - top[..., None]), axis=-1) + 1e-300))
 
 
+def _all_pulses(stretch: StretchOnToolClock, probability: Array) -> Array:
+    """Return the known pulses of the stretch and the pulses of its packets, as rows of `StretchOnToolClock.pulses`."""
+    at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets)
+    window = stretch.start + SAMPLES_PER_TU * stretch.packets[:, trellis.START, None]
+    own = np.stack([at, probability, np.broadcast_to(window, at.shape)], axis=-1).reshape(-1, 3)
+    return np.concatenate([stretch.pulses, own[own[:, 1] > 0.0]])
+
+
 def _train(stretch: StretchOnToolClock, probability: Array) -> Array:
     """Return the expected number of edges at each sample."""
-    train = np.zeros(len(stretch.pressure))
-    _add_known(stretch, train)
-    at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets)
-    np.add.at(train, np.clip(at, 0, len(train) - 1), probability)
-    return train
+    pulses = _all_pulses(stretch, probability)
+    return _edges(pulses[:, 0], pulses[:, 1], len(stretch.pressure))
 
 
-def _add_known(stretch: StretchOnToolClock, train: Array) -> None:
-    """Add the expected edges of the pulses before and after the packets (`stretch.pulses`) to `train`."""
-    at = np.rint(stretch.pulses[:, 0]).astype(np.int64)
-    inside = (at >= 0) & (at < len(train))
-    np.add.at(train, at[inside], stretch.pulses[inside, 1])
-
-
-def _places(stretch: StretchOnToolClock, probability: Array) -> Array:
-    """Return the known pulses of the stretch and the pulses of its packets, as rows of `StretchOnToolClock.pulses`."""
-    at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets).astype(float)
-    own = [
-        np.column_stack([one, p, np.full(len(p), k)])[p > 0.0]
-        for k, (one, p) in enumerate(zip(at, probability, strict=True))
-    ]
-    return np.concatenate([stretch.pulses, *own])
+def _edges(at: Array, chance: Array, count: int) -> Array:
+    """Return the expected number of edges at each of `count` places, from pulses with a place and a probability."""
+    edges, place = np.zeros(count), np.rint(at).astype(np.int64)
+    inside = (place >= 0) & (place < count)
+    np.add.at(edges, place[inside], chance[inside])
+    return edges
 
 
 def _whitened(response: Array, whitener: Array) -> Array:
@@ -418,66 +387,55 @@ def _whitened(response: Array, whitener: Array) -> Array:
 
 def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Array) -> tuple[Array, Array]:
     """
-    Return the sum of level and pump noise, Pa, of a stretch without the pulses known so far, and the angles to use.
+    Return the pump noise, Pa, of a stretch without the pulses known so far, and the angles to use.
 
     The angles, shape (pumps, n), are those of the stretch if they help to predict the pump noise, else shape (0, n).
     """
-    explained = np.empty(len(stretch.pressure))
-    reconstruct(_train(stretch, probability), state.response, explained)
-    noise = stretch.pressure - explained
+    noise = stretch.pressure - reconstruct(_train(stretch, probability), state.response)
     pumps, counted = pump_noise(noise, stretch.known, state.memory, stretch.angles)
     none = np.zeros((0, len(noise)))
-    return pumps + _level(noise, stretch.known), stretch.angles if counted and stretch.angles is not None else none
+    return pumps, stretch.angles if counted and stretch.angles is not None else none
 
 
 def _estimate(
     stretch: StretchOnToolClock, state: ChannelEstimate, whitened: Array, pulses: tuple[Array, Array, Array]
-) -> tuple[Array, Array]:
+) -> Array:
     """
-    Estimate the response from the pulses around each group; `state` receives the mean of these estimates.
+    Return the response for each group, Pa, shape (g, m); `state` receives the mean of these estimates.
 
-    The pressure of the group itself is not used, because a response estimated from its own decisions confirms them.
+    The response is estimated from the pulses around the group. The pressure of the group itself is not used, because a
+    response estimated from its own decisions confirms them.
+
     pulses: weight of each sample, expected number of edges at each sample, and places of the pulses.
-
-    Returns
-    -------
-    ndarray, shape (g, m)
-        Response for each group, Pa.
-    ndarray, shape (k,)
-        Variance that the errors of the response and of the noise model add to the decision on each packet, in units of
-        the noise.
     """
     weight, train, places = pulses
     shapes = np.array([_whitened(one, state.whitener) for one in state.components])
-    columns = np.empty((len(train), len(shapes)))
-    pulse_columns(train, shapes, columns)
-    whole = _equations(columns, whitened, weight)
-    pairs, owns = np.empty((len(stretch.groups), _LAGS)), stretch.own()
-    for own, one in zip(owns, pairs, strict=True):
+    columns = pulse_columns(train, shapes)
+    whole = normal_equations(columns, whitened, weight)
+    pairs, owns = [], stretch.own()
+    for own in owns:
         others = weight.copy()
         others[own] = 0.0
-        place_pairs(places, others, one)
-    found, scales, matrices, unsure = [], [], [], []
-    for own, unplaced in zip(owns, spread(pairs, shapes), strict=True):
+        pairs.append(place_pairs(places, others))
+    found, scales, matrices = [], [], []
+    for own, unplaced in zip(owns, spread(np.array(pairs), shapes), strict=True):
         matrix, right = (
-            a - b for a, b in zip(whole, _equations(columns[own], whitened[own], weight[own]), strict=True)
+            a - b for a, b in zip(whole, normal_equations(columns[own], whitened[own], weight[own]), strict=True)
         )
         if stretch.carried is not None:
             used = train * (weight > 0.0)
             lacking = max(1.0 - float(used.sum() - used[own].sum()) / _ENOUGH, 0.0)
             matrix += lacking * stretch.carried[1]
             right += lacking * stretch.carried[1] @ stretch.carried[0]
-        _, _, covariance = coefficients(matrix, right, state.scale)
         # The unknown places of pulses enlarge the covariance, so that such pulses do not sharpen the response.
         u, scale, _ = coefficients(matrix + unplaced, right, state.scale)
         found.append(u)
         scales.append(scale)
         matrices.append(matrix)
-        unsure.append(uncertainty(u, covariance, shapes) + _unknown_noise(state.whitener, weight))
     mean = np.mean(found, axis=0)
     state.response, state.scale = mean @ state.components, float(np.mean(scales))
     state.posterior = mean, np.mean(matrices, axis=0)
-    return np.array(found) @ state.components, stretch.per_packet(unsure)
+    return np.array(found) @ state.components
 
 
 def _sync_size(
@@ -496,89 +454,43 @@ def _sync_size(
     if stretch.sync is None:
         return 1.0, math.inf
     here = slice(max(stretch.sync[0] - BEFORE, 0), stretch.sync[1])
-    places = np.rint(stretch.pulses[:, 0]).astype(np.int64)
-    sync, mine = np.zeros(len(whitened)), (places >= here.start) & (places < here.stop)
-    np.add.at(sync, places[mine], stretch.pulses[mine, 1])
+    of_sync = stretch.pulses[(stretch.pulses[:, 0] >= here.start) & (stretch.pulses[:, 0] < here.stop)]
     shapes = np.array([_whitened(one, state.whitener) for one in state.components])
-    columns, of_sync = np.empty((2, len(whitened), len(shapes)))
-    pulse_columns(_train(stretch, pulses), shapes, columns)
-    pulse_columns(sync, shapes, of_sync)
-    others, pairs = weight.copy(), np.empty(_LAGS)
+    columns = pulse_columns(_train(stretch, pulses), shapes)
+    sync = pulse_columns(_edges(of_sync[:, 0], of_sync[:, 1], len(whitened)), shapes)
+    others = weight.copy()
     others[here] = 0.0
-    place_pairs(_places(stretch, pulses), others, pairs)
-    matrix, right = _equations(columns, whitened, others)
+    pairs = place_pairs(_all_pulses(stretch, pulses), others)
+    matrix, right = normal_equations(columns, whitened, others)
     u, _, covariance = coefficients(matrix + spread(pairs, shapes), right, state.scale)
-    expected = of_sync[here] @ u
-    rest = whitened[here] - (columns[here] - of_sync[here]) @ u
+    expected = sync[here] @ u
+    rest = whitened[here] - (columns[here] - sync[here]) @ u
     weighted = weight[here] * expected
     power = float(weighted @ expected)
     if not power > 0.0:
         return 1.0, math.inf
-    error = weighted @ of_sync[here]
+    error = weighted @ sync[here]
     return float(weighted @ rest) / power, math.sqrt(1.0 / power + float(error @ covariance @ error) / power**2)
-
-
-def _equations(columns: Array, whitened: Array, weight: Array) -> tuple[Array, Array]:
-    """Return the normal equations of the coefficients."""
-    count = columns.shape[1]
-    matrix, right = np.empty((count, count)), np.empty(count)
-    normal_equations(columns, whitened, weight, matrix, right)
-    return matrix, right
-
-
-def _unknown_noise(whitener: Array, weight: Array) -> float:
-    """
-    Return the variance that the error of the noise model adds to a decision, in units of the noise.
-
-    A spectrum from an autoregressive model of p coefficients and n samples has the relative variance v = 2 p / n (K. N.
-    Berk, Ann. Stat. 2 (1974) 489). A metric weighted by its inverse has a mean larger by 1 + v and a variance larger by
-    1 + 3 v.
-    """
-    used = max(int(np.count_nonzero(whitener)) - 2, 0)
-    return 4.0 * used / max(float(weight.sum()), 1.0)
-
-
-def _lateness(stretch: StretchOnToolClock, train: Array, each: float) -> Array:
-    """
-    Return the variance that the clock error adds to the decision on each packet, in units of the noise; shape (k,).
-
-    train: weights of the known pulses; each: standard deviation that a timing error of one sample adds to a decision.
-    """
-    middles = []
-    for own in stretch.own():
-        others = train.copy()
-        others[own] = 0.0
-        middles.append(float(others @ np.arange(len(others))) / max(float(others.sum()), 1e-300))
-    at = stretch.start + SAMPLES_PER_TU * (stretch.packets[:, trellis.START] + 0.5 * stretch.packets[:, trellis.COUNT])
-    return np.asarray((each * stretch.pace_error * (at - stretch.per_packet(middles))) ** 2)
 
 
 def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Array) -> Array:
     """Return the weight of each sample: small where the noise is large, 0 where the sample is unknown."""
-    explained = np.empty(len(train))
-    reconstruct(train, g, explained)
-    return precision(whitened - explained, stretch.known)
+    return precision(whitened - reconstruct(train, g), stretch.known)
 
 
 def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, known: tuple[Array, Array]) -> Array:
     """
-    Fit the noise model to the pressure without pulses and pumps; return the level and pump noise.
+    Fit the noise model to the pressure without pulses and pumps; return the pump noise.
 
-    known: weight of each sample, and the crank angles to use.
+    known: weight of each sample, and the crank angles of the pumps, rad.
     """
     weight, angles = known
-    explained = np.empty(len(weight))
-    reconstruct(_train(stretch, pulses), state.response, explained)
-    residual = stretch.pressure - explained
-    background = lines(residual, weight, state.memory, angles) + _level(residual, weight)
+    residual = stretch.pressure - reconstruct(_train(stretch, pulses), state.response)
+    background = lines(residual, weight, state.memory, angles)
     residual -= background
-    root, stepwise, level = np.sqrt(weight), np.empty(ORDER + 2), np.empty(ORDER + 2)
-    unsure = _unsure(_places(stretch, pulses), state.response, weight)
-    unexpected = prediction_error_filter(residual, root, ORDER, FLOOR, stepwise, 1.0, unsure)
-    if unexpected > 0.0:
-        # Use the better predictor of the two: if the level drifts or steps, the predictor with the level is worse.
-        steady = prediction_error_filter(residual, root, ORDER, FLOOR, level, _KEPT, unsure) < unexpected
-        state.stepwise, state.whitener = stepwise, level if steady else stepwise
+    unsure = _unsure(_all_pulses(stretch, pulses), state.response, weight)
+    taps, size = prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, unsure)
+    state.whitener = taps if size > 0.0 else state.whitener
     return background
 
 
@@ -592,16 +504,10 @@ def _unsure(places: Array, response: Array, weight: Array) -> Array:
 
     places: as `StretchOnToolClock.pulses`.
     """
-    pairs = np.empty(_LAGS)
-    place_pairs(places, weight, pairs)
-    lags, apart = np.arange(ORDER + 2), SAMPLES_PER_TU * np.arange(_LAGS)[:, None]
+    pairs = place_pairs(places, weight)
+    lags, apart = np.arange(ORDER + 2), SAMPLES_PER_TU * np.arange(LAGS)[:, None]
     common = np.correlate(np.pad(response, (0, int(lags[-1] + apart[-1, 0]))), response)
     return np.asarray(2.0 * pairs.sum() * common[lags] - pairs @ (common[lags + apart] + common[np.abs(lags - apart)]))
-
-
-def _level(noise: Array, weight: Array) -> float:
-    """Return the weighted mean, Pa, of a pressure without its pulses."""
-    return float(weight @ noise) / max(float(weight.sum()), 1e-300)
 
 
 def _timing(
@@ -618,19 +524,15 @@ def _timing(
     train = _train(stretch, probability)
     g = _whitened(state.response, state.whitener)
     slope = np.gradient(g)
-    whitened, explained = np.empty(len(train)), np.empty(len(train))
-    filtered(stretch.pressure - pumps, state.whitener, whitened)
-    reconstruct(train, g, explained)
-    rest = whitened - explained
+    rest = filtered(stretch.pressure - pumps, state.whitener) - reconstruct(train, g)
     count = float(train.sum())
     if count < 6.0:
         return 0.0, 1.0, 0.0
     at = np.arange(len(train), dtype=float)
     middle = float(train @ at) / count
     # Delaying a response by tau changes it by -tau times its slope; tau is a constant plus a drift.
-    late, drifting = np.empty(len(train)), np.empty(len(train))
-    reconstruct(train, -slope, late)
-    reconstruct(np.where(train > _FEW, train * (at - middle), 0.0), -slope, drifting)
+    late = reconstruct(train, -slope)
+    drifting = reconstruct(np.where(train > _FEW, train * (at - middle), 0.0), -slope)
     both, right = float(late @ (weight * drifting)), float(drifting @ (weight * rest))
     own, other = float(drifting @ (weight * drifting)), float(late @ (weight * late))
     if own * other <= both * both:

@@ -37,7 +37,7 @@ _AT_FIRST = {"Grav": (STANDARD_GRAVITY, 0.004 * STANDARD_GRAVITY)}
 _FREE = 0.05
 # Log odds above which two receptions count as one survey sent twice.
 _LEAST_ODDS = math.log(20.0)
-_LONG_BITS = 10  # least number of bits of a long word
+_LONG_BITS = 10  # smallest number of bits of a long word
 # Probability that a word has the same code in two different surveys: for a long word, and for a short word, which
 # changes slowly.
 _ALIKE_LONG, _ALIKE_SHORT = 0.2, 0.7
@@ -90,7 +90,6 @@ class SurveyMemory:
 
     Parameters
     ----------
-    tool : ToolConfiguration
     rested : callable
         Returns whether the pumps were off long enough for a survey between two times, s.
     """
@@ -98,7 +97,7 @@ class SurveyMemory:
     def __init__(self, tool: ToolConfiguration, rested: Callable[[float, float], bool]) -> None:
         self._tool, self._rested = tool, rested
         self._last_s = -math.inf
-        self._last: dict[str, tuple[_Codes, int]] = {}
+        self._last: dict[str, _Codes] = {}
         self._values: dict[str, float] = {}
 
     def settle(self, words: list[ReceivedWord]) -> list[ReceivedWord]:
@@ -118,12 +117,11 @@ class SurveyMemory:
             codes[word.name] = one if known is None or known.count != one.count else known.times(one)[0]
         if not self._rested(self._last_s, words[0].start_s) and self._sent_again(codes):
             codes = {
-                name: one.times(self._last[name][0])[0] if self._comparable(name, one) else one
+                name: one.times(self._last[name])[0] if self._comparable(name, one) else one
                 for name, one in codes.items()
             }
         settled = [self._chosen(self._shown(word, codes[word.name], bits[word.index])) for word in words]
-        self._last = {name: (one, one.count) for name, one in codes.items()}
-        self._last_s = words[0].start_s
+        self._last, self._last_s = codes, words[0].start_s
         for word in settled:
             if word.status == BELIEVED:
                 self._values[word.name] = word.value
@@ -137,7 +135,7 @@ class SurveyMemory:
         return {word.index: self._tool.table[word.name].bits for word in words}
 
     def _comparable(self, name: str, one: _Codes) -> bool:
-        return name in self._last and self._last[name][1] == one.count
+        return name in self._last and self._last[name].count == one.count
 
     def _sent_again(self, codes: dict[str, _Codes]) -> bool:
         """Return whether the last survey was sent again; a new survey would have other codes."""
@@ -145,7 +143,7 @@ class SurveyMemory:
         for name, one in codes.items():
             if self._comparable(name, one):
                 alike = _ALIKE_LONG if one.count >= 1 << _LONG_BITS else _ALIKE_SHORT
-                odds += math.log(one.sent_again(self._last[name][0], alike))
+                odds += math.log(one.sent_again(self._last[name], alike))
         return odds > _LEAST_ODDS
 
     def _shown(self, word: ReceivedWord, codes: _Codes, bits: int) -> ReceivedWord:

@@ -64,10 +64,8 @@ def guesses(
 
     Parameters
     ----------
-    tool : ToolConfiguration
     time_s, pressure_pa : ndarray, shape (n,)
         Rising times, s, and Pa.
-    syncs : sequence of Sync
     widths_s : sequence of float, optional
         Widths to try, s; a fine scale of all usual ones by default.
     """

@@ -22,7 +22,6 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     basis,
     coefficients,
     normal_equations,
-    pulse_columns,
     reconstruct,
 )
 from mwd_surface.receiver.pump_lines import pump_noise
@@ -53,7 +52,7 @@ _MISSING = 6.0
 # of the five pulses.
 _KNOWN = 0.5
 _MIDDLE = SAMPLES_PER_TU  # middle of a 2 TU pulse after its edge
-_LEAST_NOISE = 200  # least number of samples for a noise model
+_LEAST_NOISE = 200  # smallest number of samples for a noise model
 # Samples of a block, and shift of a block mean, in usual deviations, above which the pumps are starting.
 _BLOCK, _MOVED = 16, 5.0
 
@@ -121,7 +120,7 @@ def search(
     angles : ndarray, shape (pumps, n), optional
         Crank angles of pumps with stroke counters, rad.
     least : float
-        Least score of a sync.
+        Lowest score of a sync.
 
     Returns
     -------
@@ -153,10 +152,9 @@ def _refined(
 
     Returns None if there is no noise model or no sync with the score `least`.
     """
-    train, pulses = np.zeros(len(pressure)), np.empty(len(pressure))
+    train = np.zeros(len(pressure))
     train[found.at + SAMPLES_PER_TU * np.array(tool.sync.edges_tu)] = 1.0
-    reconstruct(train, found.response, pulses)
-    whitener = steady_filter(pressure - pulses, known, ORDER, FLOOR)
+    whitener = steady_filter(pressure - reconstruct(train, found.response), known, ORDER, FLOOR)
     return None if whitener is None else _found(pressure, known, tool, span, whitener, least)
 
 
@@ -185,8 +183,7 @@ def _found(
     span: range of the first sample of the sync. whitener: noise model.
     """
     begin, end = span
-    whitened = np.empty(len(pressure))
-    filtered(pressure, whitener, whitened)
+    whitened = filtered(pressure, whitener)
     weight = steadiness(whitened, known)
     components = basis(RESPONSE, tool.tu_s)
     shapes = np.array([np.convolve(one, whitener)[: RESPONSE + _TAIL] for one in components])
@@ -283,12 +280,8 @@ def _ratios(gram: Array, folded: Array, total: Array, samples: Array, variances:
 def _fitted(whitened: Array, weight: Array, shapes: Array, edges: Array, at: int) -> tuple[Array, float]:
     """Return the response coefficients that fit a sync best, and their scale."""
     begin, end = at - BEFORE, at + int(edges[-1]) + shapes.shape[1]
-    train = np.zeros(end - begin)
-    train[BEFORE + edges] = 1.0
-    matrix, right = np.empty((len(shapes), len(shapes))), np.empty(len(shapes))
-    columns = np.empty((len(train), len(shapes)))
-    pulse_columns(train, shapes, columns)
-    normal_equations(columns, whitened[begin:end], weight[begin:end], matrix, right)
+    columns = np.ascontiguousarray(_columns(shapes, edges).T)
+    matrix, right = normal_equations(columns, whitened[begin:end], weight[begin:end])
     scale = float(np.sqrt(len(shapes)) * np.linalg.norm(right) / np.trace(matrix))
     u = right
     for _ in range(5):

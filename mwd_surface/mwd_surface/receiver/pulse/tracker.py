@@ -44,9 +44,6 @@ class Tracker:
 
     Parameters
     ----------
-    tool : ToolConfiguration
-    grid : Grid
-    flow : FlowSpans
     doubt : Doubt
         Doubt about the configuration.
 
@@ -182,7 +179,7 @@ class Tracker:
         Words are not published if none of them was published before and the better hypothesis begins within their sync.
         """
         self._all.remove(one)
-        if one is not self.leader and (self.leader is not None or better is not None or not one.confirmed):
+        if one is not self.leader and (self.leader is not None or better is not None or not one.presence.confirmed):
             return
         self.leader = None
         replaced = better is not None and better.begin < one.begin + STEPS_PER_TU * self._tool.sync.length_tu
@@ -199,14 +196,14 @@ class Tracker:
         A leader that is established, or whose words were published before, is not compared with others.
         """
         if self.leader is None:
-            ready = [one for one in self._all if one.confirmed]
+            ready = [one for one in self._all if one.presence.confirmed]
             self.leader = max(ready, key=lambda one: one.total, default=None)
         leader = self.leader
         if leader is None:
             return
         rivals = [one for one in self._all if one is not leader and one.begin < leader.end]
         if not self._established(leader) and not leader.published:
-            ahead = next((one for one in rivals if one.confirmed and self._ahead(one, leader) > 0.0), None)
+            ahead = next((one for one in rivals if one.presence.confirmed and self._ahead(one, leader) > 0.0), None)
             if ahead is not None:
                 self.leader = ahead
                 return

@@ -20,7 +20,7 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.belief import TOOLFACE_LEVEL, Doubt, judge, second_tool
+from mwd_surface.receiver.belief import TOOLFACE_LEVEL, Doubt, judge
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
 from mwd_surface.receiver.pulse import passes, segment, trellis
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
@@ -34,7 +34,7 @@ _HISTORY_TU = 400  # length of the past that is used for the estimate of channel
 _AFTER_TU = 14
 # Probability of a wrong table above which the transmission counts as lost: at least three words in a row do not fit.
 _LOST = 0.999
-_DOUBTFUL = 0.2  # probability of a wrong table above which the parities count as failing
+_DOUBTFUL = 0.2  # probability of a wrong word table above which the parities count as failing
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
 _TWO_TOOLS = "two tools send at once; give them different pulse widths or transmit delays"
 FADED = "no pulses any more: flow off, too weak, or the tool began anew"
@@ -54,10 +54,8 @@ class ReceivedTransmission:
 
     Parameters
     ----------
-    tool : ToolConfiguration
     grid : Grid
         Pressure, to which later samples are appended.
-    found : SyncFound
     position : float
         Position where the sync starts, steps of the grid.
     doubt : Doubt
@@ -68,7 +66,9 @@ class ReceivedTransmission:
     begin, score : float
         Position and score of the sync.
     second : float
-        Score of another sync that begins during this one.
+        Score of another sync that begins during the first one.
+    channel : ChannelEstimate
+        Response to a pulse, and noise model without the pulses.
     presence : Presence
     lost : str
         Reason why the hypothesis has ended by itself; empty while it goes on.
@@ -91,9 +91,7 @@ class ReceivedTransmission:
         whitener[: len(found.whitener)] = found.whitener
         # The search uses fewer components than the estimate: spread the same total variance over more.
         memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
-        self._channel = segment.ChannelEstimate(
-            response, found.scale, whitener, whitener, basis(len(response), tool.tu_s), memory
-        )
+        self.channel = segment.ChannelEstimate(response, found.scale, whitener, basis(len(response), tool.tu_s), memory)
         self._at_once, self.doubt = copy.deepcopy(doubt), doubt
         self.presence = Presence(found.score)
         self._boundary = SAMPLES_PER_TU * tool.sync.length_tu
@@ -105,7 +103,6 @@ class ReceivedTransmission:
         self._held: list[ReceivedWord] = []
         self._pending = Reception()
         self.begin, self.score, self.second = position, found.score, 0.0
-        self._two_tools = 0.0
         self.frames = self.base = 0
         self.published = self.sent = False
         self.lost = ""
@@ -201,26 +198,29 @@ class ReceivedTransmission:
             # back.
             self._heard_at = min(self._heard_at, now.take_back(presence.faint_words + len(items)))
             self._clock = clock
-            self._carried = self._carried if was_faint else self._channel.posterior
-            if now.complete:
-                self._complete()
-                self.sent = not self._tool.toolfaces
-            return
-        self._heard_at = now.at
-        self._channel = decision.channel
-        self._missing[0] += float(len(rows) - np.sum(decision.probability * decision.present))
-        self._missing[1] += len(rows)
-        trusted = self._at_once.learn(soft)
-        if self._at_once.failing > _LOST:
-            self.lost = _PARITIES_FAIL
-        provisional = self._held + self._words(now, now.done - len(items), trusted, 0)
-        # Words after a doubtful sync are held back until it is confirmed.
-        self._held = [] if presence.confirmed else provisional
-        self._pending.provisional += provisional if presence.confirmed else []
-        now.shown = now.done if presence.confirmed else 0
+            self._carried = self._carried if was_faint else self.channel.posterior
+        else:
+            self._use(now, decision, len(items))
         if now.complete:
             self._complete()
             self.sent = not self._tool.toolfaces
+
+    def _use(self, now: Pass, decision: segment.DecodedStretch, count: int) -> None:
+        """Continue with the channel of the last `count` words, in which pulses were found; show these words."""
+        self._heard_at = now.at
+        self.channel = decision.channel
+        packets = len(decision.present)
+        self._missing[0] += float(packets - np.sum(decision.probability * decision.present))
+        self._missing[1] += packets
+        trusted = self._at_once.learn([part.soft for part in now.parts[-count:]])
+        if self._at_once.failing > _LOST and self._at_once.two_tools < 0.5:
+            self.lost = _PARITIES_FAIL
+        provisional = self._held + self._words(now, now.done - count, trusted, 0)
+        # Words after a doubtful sync are held back until it is confirmed.
+        confirmed = self.presence.confirmed
+        self._held = [] if confirmed else provisional
+        self._pending.provisional += provisional if confirmed else []
+        now.shown = now.done if confirmed else 0
 
     def taken(self) -> Reception:
         """Return and remove the words that are ready to be published, with the numbers of their passes among all."""
@@ -248,7 +248,7 @@ class ReceivedTransmission:
         Nothing is done without a decoded word, or before the sync is confirmed.
         """
         now = self._pass
-        if now is None or not now.parts or not self.confirmed:
+        if now is None or not now.parts or not self.presence.confirmed:
             return
         heard = now.heard
         if self.lost or not now.complete:
@@ -257,8 +257,9 @@ class ReceivedTransmission:
             self._forget(now)
             return
         self._decode_again(now, heard)
-        alone = 1.0 - self._two_tools
-        trusted = [alone * sure for sure in self.doubt.learn([part.soft for part in now.parts])]
+        trusted = self.doubt.learn([part.soft for part in now.parts])
+        # Provisional words of the next pass begin with everything learned so far.
+        self._at_once = copy.deepcopy(self.doubt)
         words = self._words(now, 0, trusted, 1)
         # Retract a word that was shown and then found to have no pulses.
         words = [
@@ -266,12 +267,13 @@ class ReceivedTransmission:
             for word, part in zip(words, now.parts, strict=True)
         ]
         ebn0 = float(np.mean([part.ebn0_db for part in heard or now.parts]))
-        # A second tool is named if it prevents all words from being believed and is more probable than a wrong table.
-        two = self._two_tools > max(1.0 - TOOLFACE_LEVEL, self.doubt.failing) or self.second > max(
-            _SECOND, _SECOND_SHARE * self.score
-        )
+        # A second tool is named if it prevents words from being believed and is more probable than a wrong table, or if
+        # words fail after a sync during which another one began.
+        failing = self.doubt.failing
+        another = failing > _DOUBTFUL and self.second > max(_SECOND, _SECOND_SHARE * self.score)
+        two = another or self.doubt.two_tools > max(1.0 - TOOLFACE_LEVEL, 0.5 * failing)
         reason = _TWO_TOOLS if two else self.lost
-        reason = reason or (_PARITIES_FAIL if self.doubt.failing > _DOUBTFUL else "")
+        reason = reason or (_PARITIES_FAIL if failing > _DOUBTFUL else "")
         reason = reason or (FADED if len(heard) < len(now.parts) else "")
         report = FrameReport(self.frames, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, reason)
         self.frames += 1
@@ -306,8 +308,8 @@ class ReceivedTransmission:
             end = stretch.start - now.start + self._boundary
             begin = end - SAMPLES_PER_TU * self._tool.sync.length_tu
             stretch = dataclasses.replace(stretch, sync=(begin, end) if begin > 0 else None)
-        decision = segment.decode(stretch, self._channel)
-        self._channel = decision.channel
+        decision = segment.decode(stretch, self.channel)
+        self.channel = decision.channel
         items = tuple(part.item for part in parts)
         soft = soft_words(decision, rows, items, self._parity)
         for part, first, one in zip(parts, firsts, soft, strict=True):
@@ -315,13 +317,13 @@ class ReceivedTransmission:
             part.probability, part.present = decision.probability[mine], decision.present[mine]
             part.ebn0_db, part.soft = float(decision.ebn0_db[first]), one
         if stretch.sync is not None:
-            self._two_tools = second_tool(*decision.sync, soft)
+            self.doubt.hear_sync(*decision.sync)
 
     def _forget(self, now: Pass) -> None:
         """Remove the words of a decoded sequence; keep those of its pulses that the decoding of later words needs."""
         self._places = self._pulses()
         now.parts = []
-        oldest = now.at - SAMPLES_PER_TU * _HISTORY_TU - len(self._channel.response)
+        oldest = now.at - SAMPLES_PER_TU * _HISTORY_TU - len(self.channel.response)
         self._places = [one for one in self._places if one.at >= oldest]
 
     def _pulses(self) -> list[passes.PulsePlace]:
@@ -332,22 +334,12 @@ class ReceivedTransmission:
     @property
     def sound(self) -> bool:
         """Whether the parities hold, so that another hypothesis should not end the transmission."""
-        return self._at_once.failing < _DOUBTFUL and self.confirmed and not self.presence.faint
-
-    @property
-    def confirmed(self) -> bool:
-        """Whether words were found after the sync."""
-        return self.presence.confirmed
+        return self._at_once.failing < _DOUBTFUL and self.presence.confirmed and not self.presence.faint
 
     @property
     def heard(self) -> float:
         """Position of the grid up to which pulses were found."""
         return self._clock.at(self._heard_at)
-
-    @property
-    def channel(self) -> segment.ChannelEstimate:
-        """Response to a pulse, and noise model without the pulses."""
-        return self._channel
 
     def _rows(self, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
         """Return the packets of some words, and their duration, TU."""
@@ -449,12 +441,11 @@ class ReceivedTransmission:
         window = min(_HISTORY_TU, heard) + length
         overlap = None if heard <= _HISTORY_TU else window / length
         drift, variance, middle = decision.timing
-        self._clock, change = self._clock.followed((drift, variance, start + middle), overlap)
-        # An error of half a sample at the ends of the window blurs the channel: decode again with the better clock.
-        return self._decode_once(rows, length, start) if abs(change) * SAMPLES_PER_TU * window > 0.5 else decision
+        self._clock = self._clock.followed((drift, variance, start + middle), overlap)
+        return decision
 
     def _decode_once(self, rows: Indices, length: int, start: int) -> segment.DecodedStretch:
-        return segment.decode(self._stretch(rows, np.array([[0, 0, length + _AFTER_TU]]), start), self._channel)
+        return segment.decode(self._stretch(rows, np.array([[0, 0, length + _AFTER_TU]]), start), self.channel)
 
     def _stretch(
         self, rows: Indices, groups: Indices, start: int, probability: Array | None = None
@@ -478,7 +469,6 @@ class ReceivedTransmission:
             self._parity,
             probability,
             self._grid.angles(self._clock.at(begin), self._clock.pace, count),
-            math.sqrt(self._clock.variance),
             self._carried,
             min(self._missing[0] / self._missing[1], _MOST_MISSING),
         )
@@ -521,15 +511,9 @@ class ToolClock:
         """Relative error of the tool's clock; at 1e-3 the tool sends 0.1 % slower."""
         return self.pace * SAMPLES_PER_TU / STEPS_PER_TU - 1.0
 
-    def turned(self, middle: float, change: float) -> ToolClock:
-        """Return the clock with its pace changed by a share, keeping the position of the sample `middle`."""
-        return dataclasses.replace(
-            self, start=self.start - middle * self.pace * change, pace=self.pace * (1.0 + change)
-        )
-
-    def followed(self, timing: tuple[float, float, float], overlap: float | None) -> tuple[ToolClock, float]:
+    def followed(self, timing: tuple[float, float, float], overlap: float | None) -> ToolClock:
         """
-        Return the clock after a measurement, and the relative change of its pace.
+        Return the clock after a measurement.
 
         Parameters
         ----------
@@ -547,7 +531,8 @@ class ToolClock:
             gain = prior / (prior + variance * overlap)
             error, left = self.error + gain * drift, prior * (1.0 - gain)
         change = error - self.error
-        return dataclasses.replace(self.turned(middle, change), variance=left), change
+        # The position of the sample `middle` stays.
+        return ToolClock(self.start - middle * self.pace * change, self.pace * (1.0 + change), left)
 
 
 def _from_all(measured: float, variance: float) -> tuple[float, float]:
@@ -566,7 +551,7 @@ def _from_all(measured: float, variance: float) -> tuple[float, float]:
 # Decision whether pulses are present behind a sync, from the evidence of its last stretches.
 
 
-# Least log likelihood ratio of a sync with the words after it. Noise reaches it with a probability below exp(-18) at
+# Lowest log likelihood ratio of a sync with the words after it. Noise reaches it with a probability below exp(-18) at
 # each of ten thousand places per hour. Starting pumps can look like a sync, but not like the words after it.
 _LEAST_EVIDENCE = 18.0
 # Number of packets that are judged together (about 30 bits), and number of packets without words after which a sync is
@@ -648,8 +633,8 @@ class Presence:
             return
         evidence = sum(one.evidence for one in last)
         was = self.faint
-        # Growing noise, as after stalls, lowers the expected evidence; but evidence that noise alone can reach is never
-        # a pulse.
+        # Growing noise, as after stalls, lowers the expected evidence. The expectation stays above the evidence that
+        # noise alone can reach.
         noise = _LEAST_EVIDENCE * packets / _JUDGED_PACKETS
         expected = max(_FAINT * sum(one.expected for one in last), noise)
         self.faint = evidence <= min(_FAINT * self.usual * packets, expected)

@@ -33,7 +33,7 @@ def _log_add(a: float, b: float) -> float:
 
 
 def values_of(packets: Indices) -> int:
-    """Return the number of columns of arrays that have one column for each value of a packet."""
+    """Return the number of columns of an array with a column for each value that a packet can have."""
     return _VALUES_RISING if packets[0, RISING] else _VALUES
 
 
@@ -96,11 +96,9 @@ def step_metric(packets: Indices, unary: Array, common: Array, level: Array, k: 
 
 
 @compiled
-def forward_backward(
-    packets: Indices, unary: Array, common: Array, level: Array, parity: int, forward: Array, backward: Array
-) -> None:
+def forward_backward(packets: Indices, unary: Array, common: Array, level: Array, parity: int) -> tuple[Array, Array]:
     """
-    Fill the log sums of all paths that lead to each state and from each state.
+    Return the log sums of all paths that lead to each state and from each state.
 
     Parameters
     ----------
@@ -116,12 +114,16 @@ def forward_backward(
         Weight of the data around the packet, 0 to 1.
     parity : int
         0: words have an even number of ones, 1: odd, -1: parity is not used.
-    forward, backward : ndarray, shape (n, 2 values)
-        Log sums; state = 2 value + parity of the word up to this packet.
+
+    Returns
+    -------
+    ndarray, shape (n, 2 values)
+        Log sums of the paths to each state; state = 2 value + parity of the word up to this packet.
+    ndarray, shape (n, 2 values)
+        Log sums of the paths from each state.
     """
-    n = len(packets)
-    forward[:] = _NEVER
-    backward[:] = _NEVER
+    n, states = len(packets), 2 * unary.shape[1]
+    forward, backward = np.full((n, states), _NEVER), np.full((n, states), _NEVER)
     for value in range(packets[0, 4]):
         _reach(packets, parity, forward, 0, value, 0, unary[0, value])
     for k in range(1, n):
@@ -133,7 +135,7 @@ def forward_backward(
                     so_far = forward[k - 1, 2 * before + odd]
                     if so_far > _NEVER and metric > _NEVER:
                         _reach(packets, parity, forward, k, value, 0 if fresh else odd, so_far + metric)
-    for state in range(forward.shape[1]):
+    for state in range(states):
         if forward[n - 1, state] > _NEVER:
             backward[n - 1, state] = 0.0
     for k in range(n - 2, -1, -1):
@@ -147,6 +149,7 @@ def forward_backward(
                         backward[k, 2 * before + odd] = _log_add(
                             backward[k, 2 * before + odd], backward[k + 1, after] + metric
                         )
+    return forward, backward
 
 
 @compiled
@@ -158,29 +161,30 @@ def _reach(packets: Indices, parity: int, forward: Array, k: int, value: int, od
 
 
 @compiled
-def marginals(packets: Indices, forward: Array, backward: Array, out: Array, even: Array) -> float:
+def marginals(packets: Indices, forward: Array, backward: Array) -> tuple[Array, Array, float]:
     """
-    Fill the probabilities of each packet value, and of an even number of ones up to each packet in its word.
+    Return the probabilities of each packet value, and of an even number of ones up to each packet in its word.
 
     Parameters
     ----------
     packets, forward, backward
         As in `forward_backward`.
-    out : ndarray, shape (n, values)
-        Probabilities.
-    even : ndarray, shape (n,)
-        Probability that the word up to the packet has an even number of ones.
 
     Returns
     -------
+    ndarray, shape (n, values)
+        Probability of each value.
+    ndarray, shape (n,)
+        Probability that the word up to the packet has an even number of ones.
     float
         Log sum of all paths: the evidence of the data.
     """
+    n, values = len(packets), forward.shape[1] // 2
+    out, even = np.zeros((n, values)), np.empty(n)
     evidence = _NEVER
     for state in range(forward.shape[1]):
-        evidence = _log_add(evidence, forward[len(packets) - 1, state])
-    out[:] = 0.0
-    for k in range(len(packets)):
+        evidence = _log_add(evidence, forward[n - 1, state])
+    for k in range(n):
         total = whole = 0.0
         for state in range(forward.shape[1]):
             if forward[k, state] > _NEVER and backward[k, state] > _NEVER:
@@ -188,56 +192,10 @@ def marginals(packets: Indices, forward: Array, backward: Array, out: Array, eve
                 out[k, state // 2] += p
                 whole += p
                 total += p if state % 2 == 0 else 0.0
-        for value in range(out.shape[1]):
+        for value in range(values):
             out[k, value] /= max(whole, 1e-300)
         even[k] = total / max(whole, 1e-300)
-    return evidence
-
-
-@compiled
-def mean_interference(
-    packets: Indices,
-    known: Array,
-    chance: Array,
-    common: Array,
-    level: Array,
-    probability: Array,
-    neighbours: bool,
-    out: Array,
-) -> None:
-    """
-    Fill the mean energy that each place of a packet shares with neighbouring pulses, or with all other pulses.
-
-    Parameters
-    ----------
-    packets, common, level
-        As in `forward_backward`.
-    known, chance : ndarray, shape (j,)
-        Edges of pulses before and after these packets, TU, and the probability of each.
-    probability : ndarray, shape (n, values)
-        Probability of each packet value.
-    neighbours : bool
-        True: only the packets directly before and after each packet count; False: only all other pulses.
-    out : ndarray, shape (n, values)
-        Amount to subtract from the metric of each value.
-    """
-    n = len(packets)
-    out[:] = 0.0
-    for k in range(n):
-        for value in range(packets[k, 4]):
-            at = place(packets, k, value)
-            total = 0.0
-            for j in range(len(known)):
-                total += chance[j] * _pair(common, abs(at - int(known[j])), level[k])
-            for other in range(n):
-                if other == k or (abs(other - k) == 1) != neighbours:
-                    continue
-                if abs(packets[other, 0] - packets[k, 0]) > len(common) + out.shape[1]:
-                    continue
-                for v in range(packets[other, 4]):
-                    gap = abs(at - place(packets, other, v))
-                    total += probability[other, v] * _pair(common, gap, math.sqrt(level[k] * level[other]))
-            out[k, value] = total
+    return out, even, evidence
 
 
 @compiled
@@ -249,26 +207,26 @@ def best_words(
     forward: Array,
     backward: Array,
     first: int,
-    out: Array,
-) -> int:
+    beam: int,
+) -> Array:
     """
-    Fill the most probable codes of one word, parity bit included; return their number.
+    Return the most probable codes of one word, parity bit included.
 
     Parameters
     ----------
     packets, unary, common, level, forward, backward
-        As in `forward_backward`, after that function has filled them.
+        As in `forward_backward`.
     first : int
         First packet of the word.
-    out : ndarray, shape (beam, 2)
-        Codes and log probabilities (not normalised by the evidence), best first.
+    beam : int
+        Largest number of codes.
 
     Returns
     -------
-    int
-        Number of codes found.
+    ndarray, shape (codes, 2)
+        Codes and log probabilities (not normalised by the evidence), best first.
     """
-    beam = len(out)
+    out = np.empty((beam, 2))
     # Columns: value of the last packet, parity and code so far, log sum of the paths so far.
     rows, count, k = np.zeros((beam, 4)), 1, first
     while True:
@@ -297,7 +255,7 @@ def best_words(
             made += 1
         rows, count = kept, made
         if packets[k, 2] == 1 or made == 0:
-            return count
+            return out[:count]
         k += 1
 
 
@@ -323,21 +281,23 @@ def all_words(
     forward: Array,
     backward: Array,
     values: Indices,
-    out: Array,
-) -> None:
+) -> Array:
     """
-    Fill the log probability (not normalised by the evidence) of each code of one word of the combinatorial code.
+    Return the log probability (not normalised by the evidence) of each code of one word of the combinatorial code.
 
     Parameters
     ----------
     packets, unary, common, level, forward, backward
-        As in `forward_backward`, after that function has filled them; the word ends with the last of these packets.
+        As in `forward_backward`; the word ends with the last of these packets.
     values : ndarray, shape (codes, pulses)
         Value of each pulse for each code.
-    out : ndarray, shape (codes,)
-        Filled by this function.
+
+    Returns
+    -------
+    ndarray, shape (codes,)
     """
     codes, pulses = values.shape
+    out = np.empty(codes)
     end = len(packets) - 1
     first = end - pulses + 1
     entry = np.empty(packets[first, 4])
@@ -351,3 +311,4 @@ def all_words(
             )
         state = 2 * values[code, pulses - 1]
         out[code] = total + max(backward[end, state], backward[end, state + 1])
+    return out

@@ -14,7 +14,6 @@ import contextlib
 import dataclasses
 import json
 import math
-import random
 import time
 import urllib.parse
 from collections.abc import Callable, Iterable
@@ -64,24 +63,19 @@ class BlackboardSettings:
         False,
         "Publish the signals to a D-WIS blackboard, an OPC UA server on which the systems of a rig share their "
         "signals.",
-        fixed=True,
     )
     url: str = setting(
         "opc.tcp://127.0.0.1:48030/",
         "Address of the blackboard's OPC UA server, for example opc.tcp://127.0.0.1:48030/.",
-        fixed=True,
     )
-    inject: str = setting("ns=2;s=Inject", "Node id of the blackboard's method that accepts a manifest.", fixed=True)
-    resolve: str = setting(
-        "ns=2;s=ResolveQuery", "Node id of the blackboard's method that answers a query.", fixed=True
-    )
+    inject: str = setting("ns=2;s=Inject", "Node id of the blackboard's method that accepts a manifest.")
+    resolve: str = setting("ns=2;s=ResolveQuery", "Node id of the blackboard's method that answers a query.")
     timeout: float = setting(
         10.0,
         "Longest wait for an answer of the blackboard. Raise it for a slow network.",
         unit="s",
         low=0.5,
         high=300.0,
-        fixed=True,
     )
     period: float = setting(
         1.0,
@@ -89,7 +83,6 @@ class BlackboardSettings:
         unit="s",
         low=0.1,
         high=60.0,
-        fixed=True,
     )
     backoff: Backoff = setting(Backoff, "Waits between attempts to connect.")
     rig: RigInputSettings = setting(RigInputSettings, "Depths of the rig that others publish on the blackboard.")
@@ -101,7 +94,6 @@ class Blackboard(LoopInterface):
 
     Parameters
     ----------
-    settings : BlackboardSettings
     on_rig_state : callable, optional
         Receives rig data, `wire.RIG_STATE`, in the thread of the interface.
     clock, wall : callable
@@ -119,7 +111,6 @@ class Blackboard(LoopInterface):
         self.settings = settings
         self._on_rig_state = on_rig_state if settings.rig.accept else None
         self._clock, self._wall = clock, wall
-        self._chance = random.Random(settings.url)  # noqa: S311 (spreads waits; nothing secret)
         self._input = RigInput(settings.rig)
         self._asyncua: Any = None
         self._connected = self._bare = False
@@ -159,7 +150,7 @@ class Blackboard(LoopInterface):
             finally:
                 self._connected = False
             if not stop.is_set():
-                wait = self.settings.backoff.wait(failures - 1, self._chance.random())
+                wait = self.settings.backoff.wait(failures)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(wait):
                         await stop.wait()
@@ -267,7 +258,6 @@ class _Depths:
 
     Parameters
     ----------
-    client : asyncua.Client
     resolve : str
         Node id of the method that answers a query.
     ours : set of str

@@ -84,12 +84,9 @@ class ModbusForm:
         "ABCD",
         "Order of the bytes of a number that fills several registers. ABCD: high word first. CDAB: low word first.",
         choices=WORD_ORDERS,
-        fixed=True,
     )
     nan_invalid: bool = setting(
-        False,
-        "Send a quiet NaN in place of an invalid value. If false, the registers keep the last valid value.",
-        fixed=True,
+        False, "Send a quiet NaN in place of an invalid value. If false, the registers keep the last valid value."
     )
 
 

@@ -78,7 +78,6 @@ class ModbusServer(LoopInterface):
 
     Parameters
     ----------
-    settings : ModbusSettings
     on_rig_state : callable, optional
         Receives the bit depth that a client wrote, as `wire.RIG_STATE`, if writing is allowed.
     authority : ControlAuthority, optional
@@ -397,8 +396,6 @@ class ControlRegisters:
 
     Parameters
     ----------
-    authority : ControlAuthority
-    form : ModbusForm
     clock : callable
         Steady time, s, the same clock as the authority's.
     """

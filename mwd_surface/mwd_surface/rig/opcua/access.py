@@ -33,7 +33,6 @@ class OpcuaAccess:
 
     Parameters
     ----------
-    settings : OpcuaSettings
     folder : Path or None
         Folder of the certificates.
     ua : module

@@ -69,7 +69,6 @@ class OpcuaServer(LoopInterface):
 
     Parameters
     ----------
-    settings : OpcuaSettings
     well : str
         Name of the object that the variables belong to.
     on_command : callable, optional
@@ -338,7 +337,6 @@ class SurveyHistory:
     ----------
     ua : module
         `asyncua.ua`.
-    server : asyncua.Server
     nodes : dict
         Node id of each variable, by its name.
     """
@@ -485,7 +483,6 @@ async def add_well(ua: Any, server: Any, well: str) -> tuple[Any, dict[str, Any]
     ----------
     ua : module
         `asyncua.ua`.
-    server : asyncua.Server
     well : str
         Browse name of the object.
 
@@ -576,7 +573,6 @@ class Conditions:
     ----------
     ua : module
         `asyncua.ua`.
-    server : asyncua.Server
     source : asyncua.Node
         Object of the well that is the source of the events.
     """

@@ -12,38 +12,27 @@ from mwd_sensors.core.settings import setting
 class OpcuaSettings:
     """Address of the server, and access rights."""
 
-    enabled: bool = setting(False, "Serve OPC UA.", fixed=True)
-    host: str = setting("127.0.0.1", "Address of the network interface on which the server listens.", fixed=True)
-    port: int = setting(4840, "TCP port of the server. 0 selects a free port.", low=0, high=65535, fixed=True)
+    enabled: bool = setting(False, "Serve OPC UA.")
+    host: str = setting("127.0.0.1", "Address of the network interface on which the server listens.")
+    port: int = setting(4840, "TCP port of the server. 0 selects a free port.", low=0, high=65535)
     allow_network: bool = setting(
-        False,
-        "Allow a host that other machines can reach. Clients of other machines then need a certificate.",
-        fixed=True,
+        False, "Allow a host that other machines can reach. Clients of other machines then need a certificate."
     )
     anonymous: bool = setting(
-        True,
-        "Let anonymous clients on this machine read. Clients of other machines always need a certificate.",
-        fixed=True,
+        True, "Let anonymous clients on this machine read. Clients of other machines always need a certificate."
     )
-    allow_commands: bool = setting(False, "Offer methods to clients with a trusted certificate.", fixed=True)
+    allow_commands: bool = setting(False, "Offer methods to clients with a trusted certificate.")
     allow_control: bool = setting(
-        False,
-        "Offer the control methods to clients with a trusted certificate. control.enabled must also be set.",
-        fixed=True,
+        False, "Offer the control methods to clients with a trusted certificate. control.enabled must also be set."
     )
     certificates: str = setting(
         "",
-        "Folder with the server's own.der and own.pem and the folder trusted of client certificates. Empty: a "
-        "folder next to the surveys.",
-        fixed=True,
+        "Folder with the server's certificate own.der and key own.pem, and the folder trusted of client certificates. "
+        "Empty: a folder next to the surveys.",
     )
     max_clients: int = setting(
-        16, "Largest number of connections at a time. Further connections are refused.", low=1, high=500, fixed=True
+        16, "Largest number of connections at a time. Further connections are refused.", low=1, high=500
     )
     max_subscriptions: int = setting(
-        64,
-        "Largest number of subscriptions at a time. Further subscriptions are refused.",
-        low=1,
-        high=1000,
-        fixed=True,
+        64, "Largest number of subscriptions at a time. Further subscriptions are refused.", low=1, high=1000
     )

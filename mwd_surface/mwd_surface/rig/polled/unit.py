@@ -39,16 +39,13 @@ def host_frame() -> PolledFrame:
 class PolledSettings:
     """Settings of the polled serial line of another maker's surface unit."""
 
-    enabled: bool = setting(False, "Answer the polls of another maker's surface unit on a serial line.", fixed=True)
-    device: str = setting("/dev/ttyS0", "Serial device of the line.", fixed=True)
-    baud: int = setting(
-        9600, "Speed of the line in bits per second. Both ends must agree.", low=300, high=921600, fixed=True
-    )
+    enabled: bool = setting(False, "Answer the polls of another maker's surface unit on a serial line.")
+    device: str = setting("/dev/ttyS0", "Serial device of the line.")
+    baud: int = setting(9600, "Speed of the line in bits per second. Both ends must agree.", low=300, high=921600)
     frame_file: str = setting(
         "",
         "YAML file with address, requests and replies. Empty: Modbus RTU, unit 1, function 4, with inclination, "
         "azimuth and toolface in registers 0 to 2, in steps of 0.01 deg.",
-        fixed=True,
     )
 
 

@@ -13,7 +13,6 @@ import asyncio
 import contextlib
 import dataclasses
 import os
-import random
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
@@ -30,18 +29,18 @@ from mwd_surface.rig.interface import (
 )
 from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings, WitsWriter
 
-_STEADY = 10.0  # s; after a connection that lasted this long, the wait starts again from the shortest
+_STEADY = 10.0  # length of a connection after which the wait starts again from the shortest, s
 
 
 @dataclasses.dataclass(frozen=True)
 class Wits0ClientSettings:
     """Address of the recorder and waits between attempts."""
 
-    enabled: bool = setting(False, "Connect to a WITS recorder over TCP.", fixed=True)
-    host: str = setting("127.0.0.1", "Address of the recorder.", fixed=True)
-    port: int = setting(9872, "TCP port of the recorder.", low=1, high=65535, fixed=True)
+    enabled: bool = setting(False, "Connect to a WITS recorder over TCP.")
+    host: str = setting("127.0.0.1", "Address of the recorder.")
+    port: int = setting(9872, "TCP port of the recorder.", low=1, high=65535)
     connect_timeout: float = setting(
-        5.0, "Longest wait for the connection. Raise it for a slow network.", unit="s", low=0.1, high=60.0, fixed=True
+        5.0, "Longest wait for the connection. Raise it for a slow network.", unit="s", low=0.1, high=60.0
     )
     backoff: Backoff = setting(Backoff, "Waits between attempts to connect.")
 
@@ -50,11 +49,9 @@ class Wits0ClientSettings:
 class Wits0SerialSettings:
     """Settings of the serial line to the recorder."""
 
-    enabled: bool = setting(False, "Exchange WITS records over a serial line.", fixed=True)
-    device: str = setting("/dev/ttyS0", "Serial device of the line.", fixed=True)
-    baud: int = setting(
-        9600, "Speed of the line in bits per second. Both ends must agree.", low=300, high=921600, fixed=True
-    )
+    enabled: bool = setting(False, "Exchange WITS records over a serial line.")
+    device: str = setting("/dev/ttyS0", "Serial device of the line.")
+    baud: int = setting(9600, "Speed of the line in bits per second. Both ends must agree.", low=300, high=921600)
     backoff: Backoff = setting(Backoff, "Waits between attempts to open the line.")
 
 
@@ -72,7 +69,6 @@ class _Caller(Wits0Link, abc.ABC):
     ) -> None:
         super().__init__(name, talk or Wits0Settings(), on_rig_state, **clocks)
         self._where, self._backoff = where, backoff
-        self._chance = random.Random(where)  # noqa: S311 (spreads waits; nothing secret)
         self.failures = 0
         self.connections = 0
         self._reason = ""
@@ -111,7 +107,7 @@ class _Caller(Wits0Link, abc.ABC):
             except (OSError, TimeoutError) as error:
                 self.failures += 1
                 self._reason = f"{self._where}: {error or 'no answer'}"
-            await asyncio.sleep(self._backoff.wait(self.failures - 1, self._chance.random()))
+            await asyncio.sleep(self._backoff.wait(self.failures))
 
     def status(self) -> InterfaceStatus:
         """Return the state of the interface."""

@@ -212,5 +212,5 @@ class Decoder:
 
 
 def _junk(between: bytes | bytearray) -> int:
-    """Return the number of bytes between frames that are not line ends or blanks."""
+    """Return how many of the bytes between two frames are neither line ends nor blanks."""
     return len(between) - sum(between.count(c) for c in (b"\r", b"\n", b" ", b"\t"))

@@ -32,20 +32,10 @@ class Wits0Schedule:
     """Times between WITS packets."""
 
     toolface_period: float = setting(
-        4.0,
-        "Shortest time between two toolfaces. Lowering it loads a slow serial line.",
-        unit="s",
-        low=1.0,
-        high=60.0,
-        fixed=True,
+        4.0, "Shortest time between two toolfaces. Lowering it loads a slow serial line.", unit="s", low=1.0, high=60.0
     )
     record_period: float = setting(
-        5.0,
-        "Time between two records 8 and 9. Lowering it loads a slow serial line.",
-        unit="s",
-        low=1.0,
-        high=600.0,
-        fixed=True,
+        5.0, "Time between two records 8 and 9. Lowering it loads a slow serial line.", unit="s", low=1.0, high=600.0
     )
     keep_alive: float = setting(
         30.0,
@@ -53,12 +43,9 @@ class Wits0Schedule:
         unit="s",
         low=5.0,
         high=600.0,
-        fixed=True,
     )
     stream_survey: bool = setting(
-        False,
-        "Send the last accepted survey again every record_period. If false, send it once, when it is accepted.",
-        fixed=True,
+        False, "Send the last accepted survey again every record_period. If false, send it once, when it is accepted."
     )
 
 
@@ -146,7 +133,6 @@ class Wits0Settings:
         "Largest amount of data, in bytes, that waits for a slow peer; beyond it the oldest packets are dropped. "
         "Raising it delays new values to a slow peer.",
         low=1024,
-        fixed=True,
     )
     send_timeout: float = setting(
         15.0,
@@ -154,7 +140,6 @@ class Wits0Settings:
         unit="s",
         low=0.2,
         high=300.0,
-        fixed=True,
     )
 
 
@@ -245,7 +230,6 @@ class Wits0Link(LoopInterface):
     ----------
     name : str
         Name of the interface.
-    settings : Wits0Settings
     on_rig_state : callable, optional
         Receives rig data, `wire.RIG_STATE`, in the thread of the interface.
     clock, wall : callable
@@ -347,8 +331,8 @@ class Wits0Link(LoopInterface):
                 continue
             try:
                 writer.write(packet)
-                # Use timeout instead of wait_for: before Python 3.12 wait_for can swallow the cancellation that ends
-                # this task.
+                # Use timeout instead of wait_for: before Python 3.12 wait_for can lose the cancellation that ends this
+                # task.
                 async with asyncio.timeout(self.talk.send_timeout):
                     await writer.drain()
             except TimeoutError:

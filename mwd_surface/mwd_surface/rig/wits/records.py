@@ -53,28 +53,19 @@ _SEQUENCE_EPOCH = 1_577_836_800
 class Wits0Format:
     """Format of the records; both sides must use the same settings."""
 
-    units: str = setting("metric", "System of units of all records.", choices=SYSTEMS, fixed=True)
+    units: str = setting("metric", "System of units of all records.", choices=SYSTEMS)
     spares: str = setting(
         "totals",
         "Content of the spare items 0722 to 0727. totals: total gravity (g), total field (nT), dip (deg), verdict (0 "
         "good, 1 doubtful, 2 bad) and temperature (degC). mwdstd-raw6: gravity (mg) and field (nT) of the three axes.",
         choices=SPARES,
-        fixed=True,
     )
-    source: str = setting(
-        "", "Name of the sender, sent as item 1984 of every packet. Empty: the item is not sent.", fixed=True
-    )
-    well_id: str = setting("", "Text of item WID. Empty: the name of the well in ASCII.", fixed=True)
-    section: int = setting(
-        0, "Value of item SKNO, the number of the sidetrack or hole section.", low=0, high=99, fixed=True
-    )
-    null_text: str = setting(
-        "", "Text sent in place of an invalid value, such as -9999. Empty: the item is left out.", fixed=True
-    )
-    mixed: bool = setting(
-        False, "Send all records in one packet. If false, each record has a packet of its own.", fixed=True
-    )
-    toolface_while_rotating: bool = setting(False, "Send toolfaces also while the string rotates.", fixed=True)
+    source: str = setting("", "Name of the sender, sent as item 1984 of every packet. Empty: the item is not sent.")
+    well_id: str = setting("", "Text of item WID. Empty: the name of the well in ASCII.")
+    section: int = setting(0, "Value of item SKNO, the number of the sidetrack or hole section.", low=0, high=99)
+    null_text: str = setting("", "Text sent in place of an invalid value, such as -9999. Empty: the item is left out.")
+    mixed: bool = setting(False, "Send all records in one packet. If false, each record has a packet of its own.")
+    toolface_while_rotating: bool = setting(False, "Send toolfaces also while the string rotates.")
 
     def __post_init__(self) -> None:
         """Raise ValueError for a text that would break a frame: name of the sender, name of the well, or null text."""

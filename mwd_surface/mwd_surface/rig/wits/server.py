@@ -13,30 +13,25 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.rig.interface import LISTENING, STOPPED, InterfaceStatus, OnRigState, checked_host, port_error
 from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings
 
-_KERNEL_BUFFER = 16384  # bytes; a larger buffer would delay the detection of a peer that does not read
+# Size of the send buffer, bytes; a larger one would delay the detection of a peer that does not read.
+_KERNEL_BUFFER = 16384
 
 
 @dataclasses.dataclass(frozen=True)
 class Wits0ServerSettings:
     """Address and limits of the server."""
 
-    enabled: bool = setting(False, "Serve WITS level 0 over TCP.", fixed=True)
-    host: str = setting("127.0.0.1", "Address of the network interface on which the server listens.", fixed=True)
-    port: int = setting(8686, "TCP port of the server. 0 selects a free port.", low=0, high=65535, fixed=True)
+    enabled: bool = setting(False, "Serve WITS level 0 over TCP.")
+    host: str = setting("127.0.0.1", "Address of the network interface on which the server listens.")
+    port: int = setting(8686, "TCP port of the server. 0 selects a free port.", low=0, high=65535)
     allow_network: bool = setting(
-        False,
-        "Allow a host that other machines can reach. Without it only loopback addresses are accepted.",
-        fixed=True,
+        False, "Allow a host that other machines can reach. Without it only loopback addresses are accepted."
     )
     max_clients: int = setting(
-        16, "Largest number of connections at a time. Further connections are refused.", low=1, high=500, fixed=True
+        16, "Largest number of connections at a time. Further connections are refused.", low=1, high=500
     )
     max_per_peer: int = setting(
-        8,
-        "Largest number of connections from one address at a time. Further connections are refused.",
-        low=1,
-        high=500,
-        fixed=True,
+        8, "Largest number of connections from one address at a time. Further connections are refused.", low=1, high=500
     )
 
 

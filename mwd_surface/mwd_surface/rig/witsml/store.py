@@ -18,7 +18,6 @@ import ssl
 import time
 import urllib.error
 import urllib.request
-import xml.parsers.expat
 from collections.abc import Callable
 from urllib.parse import urlsplit
 from xml.sax.saxutils import escape
@@ -27,6 +26,7 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_text
 from mwd_sensors.core.settings import setting
 from mwd_surface.loopback import is_loopback
+from mwd_surface.rig.backoff import Backoff
 from mwd_surface.rig.interface import (
     CONNECTED,
     CONNECTING,
@@ -51,40 +51,15 @@ class StoreRefusedError(RuntimeError):
 class WitsmlStoreSettings:
     """Address of the store, login, and waits between attempts."""
 
-    enabled: bool = setting(
-        False, "Send the definitive survey to a WITSML store whenever the survey changes.", fixed=True
-    )
-    url: str = setting("", "Address of the store's SOAP interface, http:// or https://.", fixed=True)
-    user: str = setting("", "User name of the login. Empty: no login is sent.", fixed=True)
-    password_file: str = setting("", "File whose first line is the password of the login.", fixed=True)
-    allow_plain: bool = setting(
-        False, "Allow the password to be sent without encryption (http) to another machine.", fixed=True
-    )
+    enabled: bool = setting(False, "Send the definitive survey to a WITSML store whenever the survey changes.")
+    url: str = setting("", "Address of the store's SOAP interface, http:// or https://.")
+    user: str = setting("", "User name of the login. Empty: no login is sent.")
+    password_file: str = setting("", "File whose first line is the password of the login.")
+    allow_plain: bool = setting(False, "Allow the password to be sent without encryption (http) to another machine.")
     timeout: float = setting(
-        20.0,
-        "Longest wait for an answer of the store. Raise it for a slow network.",
-        unit="s",
-        low=0.5,
-        high=300.0,
-        fixed=True,
+        20.0, "Longest wait for an answer of the store. Raise it for a slow network.", unit="s", low=0.5, high=300.0
     )
-    first_wait: float = setting(
-        2.0,
-        "Wait before the second attempt to send. The wait doubles with each further failure.",
-        unit="s",
-        low=0.01,
-        high=600.0,
-        fixed=True,
-    )
-    longest_wait: float = setting(
-        120.0,
-        "Longest wait between two attempts to send. Raising it causes less traffic, but after a failure the survey is "
-        "sent later.",
-        unit="s",
-        low=0.01,
-        high=3600.0,
-        fixed=True,
-    )
+    backoff: Backoff = setting(Backoff, "Waits between attempts to send.")
 
 
 class WitsmlStore(LoopInterface):
@@ -93,7 +68,6 @@ class WitsmlStore(LoopInterface):
 
     Parameters
     ----------
-    settings : WitsmlStoreSettings
     clock : callable
         Steady time, s.
     """
@@ -155,9 +129,7 @@ class WitsmlStore(LoopInterface):
                     failed, self._reason, self._sent_document = 0, "", document
                     self._sent += 1
                     continue
-            wait = None
-            if failed:
-                wait = min(self.settings.longest_wait, self.settings.first_wait * 2.0 ** min(failed - 1, 20))
+            wait = self.settings.backoff.wait(failed) if failed else None
             try:
                 async with asyncio.timeout(wait):
                     await self.wake.wait()
@@ -252,11 +224,8 @@ class WitsmlStore(LoopInterface):
                 answer = response.read(budgets.WITSML_STORE.size + 1)
         except urllib.error.HTTPError as error:
             with error:
-                text = (
-                    answer_texts(error.read(budgets.WITSML_STORE.size)).get("faultstring", "")
-                    if error.code == 500
-                    else ""
-                )
+                told = answer_texts(error.read(budgets.WITSML_STORE.size)) if error.code == 500 else {}
+            text = told.get("faultstring", "")
             raise StoreRefusedError(f"{order}: HTTP {error.code} {text or error.reason}") from error
         if len(answer) > budgets.WITSML_STORE.size:
             raise StoreRefusedError(f"{order}: the answer is larger than {budgets.WITSML_STORE.size} bytes")
@@ -296,31 +265,17 @@ def answer_texts(answer: bytes) -> dict[str, str]:
     ValueError
         The answer is not XML, or declares a document type, which is not needed and could define entities.
     """
-    texts: dict[str, str] = {}
-    path: list[tuple[str, list[str]]] = []
+    from lxml import etree
 
-    def refuse(*_about: object) -> None:
-        raise ValueError("the answer declares a document type")
-
-    def begin(name: str, _attributes: dict[str, str]) -> None:
-        path.append((name.rpartition(":")[2], []))
-
-    def text(data: str) -> None:
-        if path:
-            path[-1][1].append(data)
-
-    def end(_name: str) -> None:
-        name, parts = path.pop()
-        texts[name] = "".join(parts)
-
-    parser = xml.parsers.expat.ParserCreate()
-    parser.StartDoctypeDeclHandler = refuse
-    parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = begin, end, text
+    # The answer comes from outside: do not resolve entities and do not use the network.
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
     try:
-        parser.Parse(answer, True)
-    except xml.parsers.expat.ExpatError as error:
+        root = etree.fromstring(answer, parser)
+    except etree.XMLSyntaxError as error:
         raise ValueError(f"the answer is not XML: {error}") from error
-    return texts
+    if root.getroottree().docinfo.doctype:
+        raise ValueError("the answer declares a document type")
+    return {etree.QName(one).localname: one.text or "" for one in root.iter(etree.Element)}
 
 
 def _uid(document: str) -> str:

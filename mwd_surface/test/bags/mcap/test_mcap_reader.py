@@ -7,20 +7,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Header, Schema
 
 from mwd_surface.bags.mcap.contents import Bare, Chunk, Damage, Other
 from mwd_surface.bags.mcap.reader import McapFile
-from mwd_surface.bags.mcap.records import FOOTER_BYTES, MAGIC, Attachment, FormatError, McapChannel, Opcode, Schema
-from mwd_surface.bags.mcap.writer import McapWriter, channel_record, header_record, message_prefix
+from mwd_surface.bags.mcap.records import FOOTER_BYTES, MAGIC, FormatError
+from mwd_surface.bags.mcap.writer import McapWriter, message_prefix, packed
 
 START = 1_700_000_000_000_000_000
 
 
 def write(path: Path, messages: int = 400) -> bytes:
     writer = McapWriter(path, chunk_bytes=3000)
-    writer.add_schema(Schema(1, "std_msgs/msg/String", "ros2msg", b"string data"))
+    writer.add_schema(Schema(1, b"string data", "ros2msg", "std_msgs/msg/String"))
     for number, name in ((1, "/a"), (2, "/b")):
-        writer.add_channel(McapChannel(number, 1, name, "cdr", {}))
+        writer.add_channel(Channel(number, name, "cdr", {}, schema_id=1))
     for k in range(messages):
         writer.write(1 + k % 2, np.random.default_rng(k).bytes(40), START + k, START + k)
         if k == messages // 2:
@@ -90,8 +92,8 @@ def test_a_topic_declared_in_the_clear_and_damaged_there_is_taken_from_its_guard
 
 def test_messages_outside_of_chunks_are_found_in_runs(tmp_path):
     record = b"".join(message_prefix(1, k, START + k, START, 8) + bytes(8) for k in range(20000))
-    channel = channel_record(McapChannel(1, 0, "/a", "cdr", {}))
-    data = MAGIC + header_record("x") + channel + record
+    channel = packed(Channel(1, "/a", "cdr", {}, schema_id=0))
+    data = MAGIC + packed(Header("ros2", "x")) + channel + record
     found = contents(tmp_path / "a.mcap", data)
     assert found.counts == {1: 20000}
     assert not found.checksums

@@ -8,13 +8,14 @@ import os
 
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.records import Attachment, Channel, Schema
 
 from mwd_surface.bags.mcap.compression import Decompressor
 from mwd_surface.bags.mcap.contents import Chunk
 from mwd_surface.bags.mcap.decode import parse_chunk_head
 from mwd_surface.bags.mcap.reader import McapFile, declarations
-from mwd_surface.bags.mcap.records import Attachment, McapChannel, Opcode, Schema
 from mwd_surface.bags.mcap.writer import McapWriter
 
 START = 1_700_000_000_000_000_000
@@ -22,8 +23,8 @@ START = 1_700_000_000_000_000_000
 
 def opened(path, **options) -> McapWriter:
     writer = McapWriter(path, **options)
-    writer.add_schema(Schema(1, "std_msgs/msg/String", "ros2msg", b"string data"))
-    writer.add_channel(McapChannel(1, 1, "/a", "cdr", {"offered_qos_profiles": ""}))
+    writer.add_schema(Schema(1, b"string data", "ros2msg", "std_msgs/msg/String"))
+    writer.add_channel(Channel(1, "/a", "cdr", {"offered_qos_profiles": ""}, schema_id=1))
     return writer
 
 
@@ -109,7 +110,7 @@ def test_stamps_of_attachments_and_order_of_time_are_kept(tmp_path):
     writer = opened(tmp_path / "a.mcap")
     writer.write(1, b"late", START + 50, START + 40)
     writer.write(1, b"early", START + 10, START + 5)
-    writer.attach(Attachment(START, START - 1, "r.pdf", "application/pdf", b"%PDF"))
+    writer.attach(Attachment(START - 1, START, "r.pdf", "application/pdf", b"%PDF"))
     writer.finish()
     with (tmp_path / "a.mcap").open("rb") as file:
         reader = make_reader(file, validate_crcs=True)

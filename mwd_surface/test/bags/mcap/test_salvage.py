@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from mwd_surface.bags.mcap.compression import Decompressor
 from mwd_surface.bags.mcap.decode import parse_chunk_head
-from mwd_surface.bags.mcap.records import Opcode
 from mwd_surface.bags.mcap.recovery import recover
 from mwd_surface.bags.mcap.recovery_report import check
-from mwd_surface.bags.mcap.walk import walk_plain
+from mwd_surface.bags.mcap.walk import walk_records
 
 START = 1_700_000_000_000_000_000
 KINDS = {
@@ -82,7 +82,7 @@ def holders(kind: str) -> list[tuple[int, int, Counter]]:
         if opcode == Opcode.CHUNK:
             head = parse_chunk_head(data[begin + 9 : end], end - begin - 9)
             plain = Decompressor()(head, data[begin + 9 + head.data_at : end])
-            count = len(walk_plain(np.frombuffer(plain, dtype=np.uint8)).offset)
+            count = len(walk_records(np.frombuffer(plain, dtype=np.uint8)).offset)
         if count:
             found.append((begin, end, Counter(left[:count])))
             del left[:count]

@@ -193,23 +193,50 @@ def test_the_free_space_is_checked_before_a_small_reserve_is_written_full(tmp_pa
 
 
 @pytest.mark.fault_case(63)
-@pytest.mark.parametrize("gone", ["file", "folder", "all recordings"])
-def test_a_file_that_is_deleted_while_it_is_written_is_reported_and_recording_goes_on(bench, gone):
-    for k in range(5):
+@pytest.mark.parametrize("files", [1, 3])
+@pytest.mark.parametrize("noticed", ["check of the disk", "new file", "end"])
+@pytest.mark.parametrize("what", ["file", "folder", "all recordings"])
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_file_that_is_moved_or_deleted_costs_only_deleted_messages_which_are_counted(
+    bench, tmp_path_factory, moved, what, noticed, files
+):
+    for k in range(files):
+        if k:
+            bench.session.split()
         bench.take(k)
     bench.later(1.0)
-    bench.file.path.unlink()
-    if gone != "file":
-        shutil.rmtree(bench.path if gone == "folder" else bench.path.parent)
-    bench.later(1.0)
-    session = bench.session
-    assert (session.state, session.lost) == (RecorderState.FAILED, 5)
-    assert "was deleted" in session.reason
-    bench.later(6.0)
-    assert session.state == RecorderState.RECORDING
-    bench.take(6)
-    session.finish()
-    assert bench.recorded()[0] == 1
+    bench.take(files)
+    taken = files + 1
+    gone = {"file": bench.file.path, "folder": bench.path, "all recordings": bench.path.parent}[what]
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / gone.name
+    shutil.move(gone, elsewhere)
+    if not moved:
+        elsewhere.unlink() if elsewhere.is_file() else shutil.rmtree(elsewhere)
+    if noticed == "check of the disk":
+        bench.later(1.0)
+    elif noticed == "new file":
+        bench.take(taken, log_ns=START + 10**15)
+        taken += 1
+    if noticed != "end":
+        assert bench.session.state == RecorderState.FAILED
+        bench.later(6.0)
+        assert bench.session.state == RecorderState.RECORDING
+        bench.take(taken)
+        taken += 1
+    bench.session.finish()
+    assert "moved or deleted" in bench.given[0][1]
+    here = elsewhere_found = 0
+    if list(bench.path.glob("*.mcap")):
+        here, events, _ = bench.recorded()
+        assert noticed == "end" or any("moved or deleted" in text for text in events)
+        with Bag(bench.path) as bag:
+            assert bag.notes == []
+    for path in [elsewhere] if elsewhere.is_file() else elsewhere.rglob("*.mcap"):
+        with Bag(path) as bag:
+            assert bag.complete
+            elsewhere_found += bag.topics["/a"].count
+    assert (elsewhere_found > 0) == moved
+    assert here + elsewhere_found + bench.session.lost == taken
 
 
 @pytest.mark.parametrize("gone", ["folder", "all recordings"])

@@ -293,23 +293,53 @@ def test_a_wrong_table_in_a_strong_signal_is_not_blamed_on_the_signal(wrong):
     assert "too weak" not in said
 
 
+SHORT_SURVEY = dataclasses.replace(FAST, survey_sequences=("Inc:12:P Azm:12:P Grav:12:P",), transmit_delay_s=20.0)
+
+
+def two_tools(seed, late_tu, seconds=200.0, silent_s=np.inf):
+    """First transmission, time and pressure of two tools; the second is `late_tu` later and silent from a time on."""
+    tool = SHORT_SURVEY
+    first, second = (transmit(tool, ((0.0, seconds),), number) for number in (2 * seed + 1, 2 * seed + 2))
+    second = dataclasses.replace(second, pulses=second.pulses[second.pulses[:, 0] < silent_s])
+    (time, both), (_, other) = (white(tool, one, 14.0, seed=k) for k, one in enumerate((first, second)))
+    late = round(late_tu * tool.tu_s / (time[1] - time[0]))
+    late_end = min(len(both), late + len(other))
+    both[late:late_end] += (other - other.mean())[: late_end - late]
+    return first, time, both
+
+
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("late_tu", [None, 0, 17])
+@pytest.mark.parametrize("late_tu", [0, 17])
 def test_two_tools_that_send_at_once_are_named_and_no_word_is_believed(late_tu, seed):
-    tool = dataclasses.replace(FAST, survey_sequences=("Inc:12:P Azm:12:P Grav:12:P",), transmit_delay_s=20.0)
-    sent = [transmit(tool, ((0.0, 200.0),), number) for number in (2 * seed + 1, 2 * seed + 2)]
-    (time, both), (_, second) = (white(tool, one, 14.0, seed=k) for k, one in enumerate(sent))
-    if late_tu is not None:
-        late = round(late_tu * tool.tu_s / (time[1] - time[0]))
-        late_end = min(len(both), late + len(second))
-        both[late:late_end] += (second - second.mean())[: late_end - late]
-    receiver = PulseReceiver(tool)
-    done = receiver.push(time, both)
-    done.add(receiver.finish())
-    assert any("two tools" in one.reason for one in done.frames) == (late_tu is not None)
-    believed = {(word.name, word.raw) for word in done.words if word.status == "believed"}
-    assert believed <= {(word.name, word.raw) for word in sent[0].words}
-    assert bool(believed) == (late_tu is None)
+    _, time, pressure = two_tools(seed, late_tu)
+    done = decode(SHORT_SURVEY, time, pressure)
+    assert any("two tools" in one.reason for one in done.frames)
+    assert all(word.status != BELIEVED for word in [*done.words, *done.provisional])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_single_tool_is_believed_and_no_second_one_is_named(seed):
+    sent = transmit(SHORT_SURVEY, ((0.0, 200.0),), 2 * seed + 1)
+    done = decode(SHORT_SURVEY, *white(SHORT_SURVEY, sent, 14.0, seed=0))
+    assert all("two tools" not in one.reason for one in done.frames)
+    believed = {(word.name, word.raw) for word in done.words if word.status == BELIEVED}
+    assert believed
+    assert believed <= {(word.name, word.raw) for word in sent.words}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+def test_a_tool_is_believed_again_when_a_second_one_falls_silent(seed):
+    sent, time, pressure = two_tools(seed, 0, 640.0, silent_s=200.0)
+    done = decode(SHORT_SURVEY, time, pressure)
+    for words in (done.words, done.provisional):
+        believed = [word for word in words if word.status == BELIEVED]
+        right = {one for one in sent.words for word in believed if abs(word.start_s - one.start_s) < 2.0}
+        late = [one for one in sent.words if one.start_s > 350.0]
+        assert sum(one in right for one in late) >= 0.9 * len(late)
+        assert all(
+            word.raw == one.raw for word in believed for one in sent.words if abs(word.start_s - one.start_s) < 2.0
+        )
 
 
 def test_a_flow_too_short_for_the_sync_is_named():

@@ -36,10 +36,9 @@ def everything(unary, parity):
 def test_marginals_and_words_are_those_of_all_combinations(parity):
     unary = np.random.default_rng(5).normal(size=(4, 8)) * 2.0
     expected, evidence = everything(unary, parity)
-    forward, backward = np.empty((4, 16)), np.empty((4, 16))
-    trellis.forward_backward(ROWS, unary, COMMON, LEVEL, parity, forward, backward)
-    chance, even = np.empty((4, 8)), np.empty(4)
-    assert trellis.marginals(ROWS, forward, backward, chance, even) == pytest.approx(evidence)
+    sums = trellis.forward_backward(ROWS, unary, COMMON, LEVEL, parity)
+    chance, even, found = trellis.marginals(ROWS, *sums)
+    assert found == pytest.approx(evidence)
     for k in range(4):
         for value in range(1 << ROWS[k, 1]):
             total = sum(p for values, p in expected.items() if values[k] == value)
@@ -48,25 +47,14 @@ def test_marginals_and_words_are_those_of_all_combinations(parity):
         sum(p for values, p in expected.items() if (values[0].bit_count() + values[1].bit_count()) % 2 == 0)
     )
     for word, packets in enumerate(((0, 1), (2, 3))):
-        out = np.empty((16, 2))
-        made = trellis.best_words(ROWS, unary, COMMON, LEVEL, forward, backward, packets[0], out)
+        best = trellis.best_words(ROWS, unary, COMMON, LEVEL, *sums, packets[0], 16)
         bits = int(ROWS[packets[0], 1] + ROWS[packets[1], 1])
-        assert made == min(1 << (bits - (parity >= 0)), 16)
+        assert len(best) == min(1 << (bits - (parity >= 0)), 16)
         low = int(ROWS[packets[1], 1])
-        for code, log in out[:made]:
+        for code, log in best:
             pair = (int(code) >> low, int(code) & (1 << low) - 1)
             total = sum(p for values, p in expected.items() if (values[2 * word], values[2 * word + 1]) == pair)
             assert np.exp(log - evidence) == pytest.approx(total, abs=1e-9)
-
-
-def test_pulses_far_away_enter_by_their_mean():
-    probability = np.zeros((4, 8))
-    probability[:, 0] = 1.0
-    out = np.empty((4, 8))
-    long = np.linspace(1.0, 0.0, 60)
-    trellis.mean_interference(ROWS, np.array([-10.0]), np.ones(1), long, np.ones(4), probability, False, out)
-    places = [int(row[0]) + (1 << int(row[1])) - 1 for row in ROWS]
-    assert out[0, 0] == pytest.approx(long[places[0] + 10] + long[places[2] - places[0]] + long[places[3] - places[0]])
 
 
 def test_words_of_the_combinatorial_code_are_those_of_all_combinations():
@@ -77,10 +65,8 @@ def test_words_of_the_combinatorial_code_are_those_of_all_combinations():
     values, count = trellis.values_of(rows), len(rows)
     unary, level = random.normal(size=(count, values)), np.ones(count)
     common = np.array([3.0, 2.0, 1.0, 0.5, 0.2, 0.1])
-    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
-    trellis.forward_backward(rows, unary, common, level, -1, forward, backward)
-    found = np.empty(len(table))
-    trellis.all_words(rows, unary, common, level, forward, backward, table, found)
+    sums = trellis.forward_backward(rows, unary, common, level, -1)
+    found = trellis.all_words(rows, unary, common, level, *sums, table)
     # What comes before the second word is any rising pair of places, whether or not it has a code.
     pairs = [(a, b) for a in range(rows[0, trellis.COUNT]) for b in range(a, rows[1, trellis.COUNT])]
     assert trellis.log_ways(rows) == pytest.approx(2.0 * np.log(len(pairs)))

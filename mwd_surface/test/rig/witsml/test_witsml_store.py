@@ -14,6 +14,7 @@ from example_surveys import MADE, surveys, table
 
 from mwd_surface.exports.export_witsml import witsml
 from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.rig.backoff import Backoff
 from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.rig.witsml.store import WitsmlStore, WitsmlStoreSettings, answer_texts
 
@@ -87,7 +88,7 @@ def store(**changes):
 
 def client(server, **changes):
     url = f"http://127.0.0.1:{server.server_address[1]}/store"
-    return WitsmlStore(WitsmlStoreSettings(url=url, first_wait=0.01, longest_wait=0.05, timeout=5.0, **changes))
+    return WitsmlStore(WitsmlStoreSettings(url=url, backoff=Backoff(0.01, 0.05), timeout=5.0, **changes))
 
 
 def test_a_trajectory_is_added_and_afterwards_updated_and_arrives_unchanged(document):
