@@ -15,9 +15,9 @@ from simulated_surveys import revised_surveys, surveys
 DISTURBED = ("casing", "s0_table")
 UNDETERMINED = ("near_polar",)  # an inclined hole where the field does not determine the azimuth
 
-# Sensor faults, an uncalibrated probe, a run without a rest; and a field turned with its total and dip kept, of which
-# a test below says more.
-OTHERS = ("faults", "tumble", "s3_vibration", "s1_field")
+# Sensor faults, an uncalibrated probe, a run without a rest; a field turned with its total and dip kept, of which a
+# test below says more; and the run that `test_tool_comparison.py` compares with the tables of its paper.
+OTHERS = ("faults", "tumble", "s3_vibration", "s1_field", "s1_lab")
 # Another link, pump or seed in a hole that is played, or a depth between two of it.
 SAME_HOLE = (
     "telemetry_bad_day",

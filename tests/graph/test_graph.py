@@ -448,29 +448,3 @@ def test_replaying_the_recording_gives_the_same_bits_as_processing_it(played, tm
         for name in ("inclination", "azimuth"):
             if row[f"{name}_deg"]:
                 assert float(row[f"{name}_deg"]) == pytest.approx(math.degrees(sample[name]), abs=1e-6)
-
-
-@pytest.mark.fault_case(56)
-def test_two_wells_live_side_by_side_without_hearing_each_other(tmp_path):
-    with running_graph.graph(tmp_path) as graph:
-        surfaces = {}
-        for well, seed in (("a", 1), ("b", 2)):
-            surfaces[well] = graph.start("surface", well, folder=tmp_path, page__port=0, record__name="run")
-            estimator = graph.start("estimator", well, **{k.replace(".", "__"): v for k, v in PLACE.items()})
-            for name in (surfaces[well], estimator):
-                until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
-            graph.start("sonde", well, scenario=SCENARIO, seed=seed, rate=3.0, wait_for_listener_s=60.0)
-        for name in surfaces.values():
-            until(lambda name=name: "survey 1" in graph.log(name), 90, "a survey of each well")
-        pages = {name: graph.log(name).split("page: ")[1].split()[0] for name in surfaces.values()}
-        assert len(set(pages.values())) == 2
-        for name in list(graph.running):
-            assert graph.end(name)[0] == 0
-    values = {}
-    for well, other in (("a", "b"), ("b", "a")):
-        with AnyReader([tmp_path / well / "bags" / "run"]) as reader:
-            topics = {c.topic for c in reader.connections if c.msgcount}
-            assert f"/{well}/attitude" in topics
-            assert not any(topic.startswith(f"/{other}/") for topic in topics)
-        values[well] = samples_of(tmp_path / well / "bags" / "run", f"/{well}/imu/data_raw")["linear_acceleration"][50]
-    assert (values["a"] != values["b"]).any()

@@ -56,9 +56,8 @@ def closed_loop(wanted, seed, silent_from=math.inf):
 
 
 @pytest.mark.slow(15)
-@pytest.mark.parametrize(("wanted_deg", "seed"), [(60.0, 7), (200.0, 8)])
-def test_a_string_that_sticks_and_slips_is_brought_to_a_toolface_and_held_within_10_degrees(wanted_deg, seed):
-    times, errors, commands, sonde, _ = closed_loop(math.radians(wanted_deg), seed)
+def test_a_string_that_sticks_and_slips_is_brought_to_a_toolface_and_held_within_10_degrees():
+    times, errors, commands, sonde, _ = closed_loop(math.radians(200.0), 8)
     before = sonde.scenario.schedule[0].rpm * 6.0
     turned = np.abs(np.diff(errors[times < TAKES_OVER]))
     assert before > 0.0

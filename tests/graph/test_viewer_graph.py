@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 TOKEN = "look-twice-first"  # noqa: S105
 # The ellipses are computed in the background, on a busy machine for seconds.
 EXCEPT = ("path.ellipses",)
-RUNS = {"demo": ("--rate", "1"), "telemetry_deep": ("--rate", "10"), "curve_and_lateral": ("--rate", "5")}
+RUNS = {"demo": ("--rate", "1"), "telemetry_deep": ("--rate", "10")}
 SECONDS = 16.0
 
 

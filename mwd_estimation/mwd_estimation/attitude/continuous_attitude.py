@@ -47,7 +47,7 @@ from mwd_estimation.core.status import Status
 from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
 from mwd_estimation.magnetic import interference_state
 from mwd_sensors.core import wire
-from mwd_sensors.core.arrays import Array, Samples, Stamps
+from mwd_sensors.core.arrays import Array, Samples, Stamps, joined
 
 _NO_REFERENCE, _FAULT = int(Status.NO_REFERENCE), int(Status.SENSOR_FAULT)
 # Largest 1 sigma of the vertical, rad, with which a magnetic sample updates the interference filter.
@@ -228,7 +228,7 @@ class AttitudeStream:
                 magnetic.append(self._magnetic.read(pairs[level], in_force, part.start))
                 self._azimuths_read += len(magnetic[-1])
         self.handed_on = _joined(handed_on)
-        return _joined(plain), _joined(magnetic) if magnetic else np.zeros(0, dtype=MAGNETIC_AZIMUTH)
+        return _joined(plain), _joined([np.zeros(0, dtype=MAGNETIC_AZIMUTH), *magnetic])
 
     def _propagate(self, block: Block, events: list[BinEvent], magnetic: Samples, precision: PrecisionRates) -> Samples:
         """
@@ -236,7 +236,7 @@ class AttitudeStream:
 
         The azimuths propagated to the bins are stored in `propagated`. Magnetic azimuths of the open bin wait.
         """
-        known = _joined([self._waiting, magnetic]) if len(self._waiting) else magnetic
+        known = _joined([self._waiting, magnetic])
         rows, propagated, used = gyro_azimuth.run(
             self._azimuth, self._azimuth_state, block.samples, np.array(events, dtype=BIN_EVENT), known, precision
         )
@@ -278,5 +278,6 @@ class AttitudeStream:
 
 
 def _joined(parts: list[Samples]) -> Samples:
-    """Return the concatenated samples; a single array is not copied, because numpy compares records field by field."""
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+    """Return the concatenated samples; a single array with samples is not copied."""
+    parts = [part for part in parts if len(part)] or parts[:1]
+    return parts[0] if len(parts) == 1 else joined(parts)

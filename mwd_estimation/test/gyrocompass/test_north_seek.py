@@ -90,7 +90,7 @@ def assert_at_limit(error: np.ndarray, sigma: np.ndarray, limit: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("noise", "latitude_deg"), [(0.003, 0.0), (0.05, 44.0), (0.15, -60.0)])
+@pytest.mark.parametrize(("noise", "latitude_deg"), [(0.003, 0.0), (0.15, -60.0)])
 def test_a_still_tool_with_known_bias_reaches_the_noise_limit(noise: float, latitude_deg: float) -> None:
     params = dataclasses.replace(
         settings("still", noise, latitude_deg), gyro_bias_deg_h=noise / 50.0, gyro_x_bias_deg_h=noise / 50.0
@@ -104,7 +104,7 @@ def test_a_still_tool_with_known_bias_reaches_the_noise_limit(noise: float, lati
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("noise", "latitude_deg"), [(0.003, 60.0), (0.05, 34.0), (0.15, 0.0)])
+@pytest.mark.parametrize(("noise", "latitude_deg"), [(0.003, 60.0), (0.15, 0.0)])
 def test_a_turning_tool_reaches_the_limit_without_knowing_its_biases(noise: float, latitude_deg: float) -> None:
     params = dataclasses.replace(settings("rotating", noise, latitude_deg), accel_bias_ug=20.0)
     clean = motion(63.5, latitude_deg * DEG, 1.0, 0.5, steady(60.0), RATE)
@@ -151,13 +151,12 @@ def test_a_bias_that_drifts_by_degrees_an_hour_within_a_minute_is_in_sigma_or_re
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("worse", [1.0, 3.0])
-def test_a_unit_with_three_times_the_stated_g_sensitivity_stays_within_sigma(worse: float) -> None:
+def test_a_unit_with_three_times_the_stated_g_sensitivity_stays_within_sigma() -> None:
     params = settings("auto", 0.05, 34.0, gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0, g_sensitivity_deg_h_g=0.5)
     clean, rng = motion(67.5, 34.0 * DEG, 1.0, 0.5, two_positions, RATE), np.random.default_rng(9)
     given = []
     for _ in range(30):
-        matrix = 0.5 * worse * rng.standard_normal((2, 2)) * DEG_PER_HOUR / STANDARD_GRAVITY
+        matrix = 0.5 * 3.0 * rng.standard_normal((2, 2)) * DEG_PER_HOUR / STANDARD_GRAVITY
         bias = 5.0 * DEG_PER_HOUR * rng.standard_normal(3)
         gyro, accel = measured(clean, rng, 0.05, 0.05, params.accel_noise_ug_rthz, bias, g_sensitivity=matrix)
         state = north_seek.initial()
@@ -494,12 +493,11 @@ def test_a_gyro_whose_bias_drifts_to_the_next_station_errs_by_its_sigma_there() 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("noise", [0.05, 0.2])
-def test_a_gyro_as_bad_as_the_bound_of_its_bias_errs_by_its_sigma_in_one_position(noise: float) -> None:
+def test_a_gyro_as_bad_as_the_bound_of_its_bias_errs_by_its_sigma_in_one_position() -> None:
     params = SeekParams(
         latitude_deg=10.0,
-        gyro_noise_deg_rth=noise,
-        gyro_x_noise_deg_rth=noise,
+        gyro_noise_deg_rth=0.05,
+        gyro_x_noise_deg_rth=0.05,
         gyro_bias_deg_h=2.5,
         gyro_x_bias_deg_h=2.5,
         scale_x_ppm=300.0,

@@ -178,8 +178,8 @@ def _cache_folder(module: str) -> Path | None:
     that no process has used for `_UNUSED_S`.
     """
     stamp = hashlib.sha256(repr(_stamps(module)).encode()).hexdigest()[:16]
-    source = Path(getattr(sys.modules[module], "__file__", None) or "none.py")
-    own = f"{module}-{hashlib.sha256(str(source.resolve()).encode()).hexdigest()[:8]}-"
+    source = Path(getattr(sys.modules[module], "__file__", None) or "none.py").resolve()
+    own = f"{module}-{hashlib.sha256(str(source).encode()).hexdigest()[:8]}-"
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     given = numba.config.CACHE_DIR
     for place in [Path(given)] if given else [source.parent / "__pycache__", user / "mwd"]:

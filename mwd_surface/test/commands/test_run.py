@@ -66,6 +66,7 @@ def line_with(process, words):
     raise AssertionError(process.stderr.read())
 
 
+@pytest.mark.fault_case(56)
 def test_two_wells_run_side_by_side_and_end_with_their_tables(start, tmp_path):
     first = start("--well", "a", "--rate", 2)
     second = start("--well", "pad/b", "--rate", 2, "-o", tmp_path / "mine")

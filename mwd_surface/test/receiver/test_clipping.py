@@ -5,7 +5,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from link_runs import TOOLS, pairs, simulated
 
@@ -60,6 +60,7 @@ def test_a_slow_gauge_with_lines_above_half_its_rate_is_replaced_nearly_as_well(
     assert rms[1] < 0.4 * rms[0]
 
 
+@settings(max_examples=25)
 @given(st.lists(st.integers(0, len(TIME)), max_size=20), st.sampled_from([0.0, 0.1]))
 def test_any_cut_of_a_clipped_stream_gives_the_same_bits(cuts, low):
     seen = clipped(pressure(2), low, 0.85)

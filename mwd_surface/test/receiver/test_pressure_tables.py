@@ -7,7 +7,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mwd_sensors.core import budgets
@@ -439,6 +439,7 @@ def test_json_that_would_need_far_more_memory_than_its_size_is_refused_by_name(t
         pressure_files.read(tmp_path / "p.json")
 
 
+@settings(max_examples=25)
 @given(
     st.sampled_from(
         [

@@ -30,6 +30,7 @@ def test_the_tables_of_the_paper_come_from_its_scenarios(name):
         assert abs(azimuth_error(station.gyro, station.truth)) < min(
             3.0 * station.gyro.sigma_azimuth, math.radians(2.5)
         )
+        assert station.accepted
         expected = azimuth if name == "s1_lab" else disturbed
         assert math.degrees(station.conventional.azimuth) == pytest.approx(expected, abs=1.0)
 

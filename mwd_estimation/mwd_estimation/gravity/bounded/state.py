@@ -351,7 +351,7 @@ class BoundedState:
     @property
     def field_used(self) -> int:
         """Number of magnetic samples of the last block that were used."""
-        return int(self.record[0]["field"]["used"])
+        return int(self.record["field"]["used"][0])
 
     def copy(self) -> BoundedState:
         """Return an independent copy of the state."""
