@@ -53,6 +53,7 @@ from mwd_estimation.survey.survey import STATIC
 from mwd_sensors.core import frames, wire
 from mwd_sensors.core.arrays import Indices, Samples, Stamps
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.core.unknown import or_none
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.deferred import DeferredResponse, answering
@@ -60,7 +61,7 @@ from mwd_sensors.ros.diagnostics import ERROR, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.messages import make, unknown
 from mwd_sensors.ros.run_node import run_node
-from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.ros.time_stamps import header, stamp
 
 # Topics of the other streams, whose samples are processed together with those of the conventional unit.
 _BESIDE = ("imu/mag", "gyro/data_raw", "imu/temperature")
@@ -261,9 +262,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def _publish_used_samples(self) -> None:
         if self._last_imu_ns:
-            message = UsedSamples(topics=self._used.messages(self.resolve_topic_name))
-            message.header.stamp, message.header.frame_id = stamp(self._last_imu_ns), self._frame
-            self._used_samples.publish(message)
+            topics = self._used.messages(self.resolve_topic_name)
+            self._used_samples.publish(UsedSamples(header=header(self._last_imu_ns, self._frame), topics=topics))
 
     def _tell(self, kind: int, *, success: bool = True, **fields: Any) -> None:
         """
@@ -271,9 +271,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
         kind, success, fields: fields of mwd_msgs/msg/OperatorEvent.
         """
-        event = unknown(OperatorEvent, kind=kind, success=success, **fields)
-        event.header.stamp = stamp(self._last_imu_ns)
-        self._operator_events.publish(event)
+        about = header(self._last_imu_ns)
+        self._operator_events.publish(unknown(OperatorEvent, header=about, kind=kind, success=success, **fields))
 
     def _publish_survey(self, survey: DecidedSurvey, frame: str) -> tuple[SurveyMessage, str]:
         message = survey.record(frame).to_message(make)
@@ -453,8 +452,7 @@ class RecordingGate:
 
     def _on_status(self, message: RecorderStatus) -> None:
         names = message.streams if message.state == RecorderStatus.RECORDING else []
-        stamps = [one.sec * wire.NANOSECONDS + one.nanosec for one in message.first]
-        self._first_ns = dict(zip(names, stamps, strict=False))
+        self._first_ns = dict(zip(names, map(stamp_of, message.first), strict=False))
 
     def passed(self, taken: Mapping[str, Samples]) -> dict[str, Samples]:
         """
@@ -511,10 +509,8 @@ MIN_SPACING_NS = 800_000
 
 def innovation_message(found: Sequence[Innovation], stamp_ns: int, frame_id: str) -> InnovationList:
     """Return innovations as mwd_msgs/msg/InnovationList."""
-    message = InnovationList()
-    message.header.stamp, message.header.frame_id = stamp(stamp_ns), frame_id
-    message.sources = [InnovationMessage(test_ratio=one.test_ratio, **one._asdict()) for one in found]
-    return message
+    sources = [InnovationMessage(test_ratio=one.test_ratio, **one._asdict()) for one in found]
+    return InnovationList(header=header(stamp_ns, frame_id), sources=sources)
 
 
 def tool_transform(oriented: Any, local_frame: str, tool_frame: str) -> TransformStamped:
@@ -524,10 +520,8 @@ def tool_transform(oriented: Any, local_frame: str, tool_frame: str) -> Transfor
     oriented: record of `wire.IMU` with its orientation; local_frame: frame id of the well's east-north-up axes;
     tool_frame: frame id of the tool's messages.
     """
-    transform = TransformStamped()
-    transform.header.stamp = stamp(int(oriented["stamp_ns"]))
-    transform.header.frame_id = local_frame
-    transform.child_frame_id = tool_frame
+    about = header(int(oriented["stamp_ns"]), local_frame)
+    transform = TransformStamped(header=about, child_frame_id=tool_frame)
     x, y, z, w = (float(v) for v in oriented["orientation"])
     rotation = transform.transform.rotation
     rotation.x, rotation.y, rotation.z, rotation.w = x, y, z, w

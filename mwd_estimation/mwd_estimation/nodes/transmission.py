@@ -21,7 +21,7 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.ros.time_stamps import header, stamp
 from mwd_sensors.telemetry import log_channels, tool_configuration
 from mwd_sensors.telemetry.log_channels import LogChannel
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
@@ -106,6 +106,7 @@ def transmission_message(sent: Sent, frame: str) -> TransmissionMessage:
     """Return a transmitted sync, header or word as mwd_msgs/Transmission; frame: frame id of the message."""
     tool = sent.tool
     message = TransmissionMessage(
+        header=header(sent.start_ns, frame),
         kind=int(sent.kind),
         frame=sent.frame,
         sequence=sent.sequence,
@@ -124,8 +125,6 @@ def transmission_message(sent: Sent, frame: str) -> TransmissionMessage:
         phases=list(sent.phases),
         octets=list(sent.octets),
     )
-    message.header.stamp = stamp(sent.start_ns)
-    message.header.frame_id = frame
     if sent.reading is not None:
         message.measured = stamp(sent.reading.stamp_ns)
     return message

@@ -45,8 +45,8 @@ class Compensation:
     def imu(self, samples: Samples) -> Samples:
         """Return samples of the layout `wire.IMU` with corrected gyros and accelerometers."""
         out = samples.copy()
-        known = self._known(samples["stamp_ns"])
-        self.without_temperature += int(np.count_nonzero(~known))
+        # Temperatures of strictly before the sample, as in `_corrected`.
+        self.without_temperature += int(np.sum(np.searchsorted(self._stamps, samples["stamp_ns"], side="left") == 0))
         out["angular_velocity"] = self._corrected(self.calibration.gyro, samples, "angular_velocity")
         out["linear_acceleration"] = self._corrected(self.calibration.accelerometer, samples, "linear_acceleration")
         return out
@@ -58,9 +58,6 @@ class Compensation:
         out = samples.copy()
         out["magnetic_field"] = self._corrected(self.calibration.magnetometer, samples, "magnetic_field")
         return out
-
-    def _known(self, stamp_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-        return np.asarray(np.searchsorted(self._stamps, stamp_ns, side="left") > 0)
 
     def _corrected(self, triad: TriadCalibration, samples: Samples, field: str) -> Array:
         # Use temperatures from strictly before the sample: the order of two messages with equal stamps is random.

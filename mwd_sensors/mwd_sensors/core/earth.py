@@ -129,7 +129,8 @@ def reference_field(
         The model is unknown, latitude, longitude or height is out of range, or the date is outside the years of the
         model.
     """
-    return field_of(magnetic_field(lat, lon, height, date, model), *_local(lat, lon, height), _SOURCES[model])
+    field = magnetic_field(lat, lon, height, date, model)
+    return field_of(field, grid_convergence(lat, lon), gravity(lat, height), _SOURCES[model])
 
 
 def magnetic_field(lat: float, lon: float, height: float, date: datetime.date, model: str = "wmm2025") -> Array:
@@ -330,10 +331,6 @@ def utm_zone(lat: float, lon: float) -> str:
 # A grid may be used up to this distance outside its area, deg: wells next to a zone keep the grid of their oil field.
 _BESIDE_DEG = 6.0
 _SOURCES = {"wmm2025": "WMM2025 (pygeomag)", "igrf": "IGRF14 (ppigrf)"}
-
-
-def _local(lat: float, lon: float, height: float) -> tuple[float, float]:
-    return grid_convergence(lat, lon), gravity(lat, height)
 
 
 def _wmm(lat: float, lon: float, height: float, year: float) -> Array:

@@ -405,7 +405,8 @@ class Master:
             self._late_s = self._free_s if late else self._late_s
             return []
         self._held = (self._held + data)[-_LONGEST:]
-        self._drop_echo()
+        # Many RS-485 adapters return the echo of the master's request.
+        self._held = self._held.removeprefix(self._sent)
         start = bytes.fromhex(self.frame.start)
         head = start + bytes([self.frame.address])
         for at in range(len(self._held)):
@@ -425,10 +426,6 @@ class Master:
                 self._finish(now_s)
                 return [ReplyValues(found, sent_s)]
         return []
-
-    def _drop_echo(self) -> None:
-        """Remove the echo of the master's request, which many RS-485 adapters return."""
-        self._held = self._held.removeprefix(self._sent)
 
     def _is_refusal(self, body: bytes) -> bool:
         whole = 3 + _CHECK_BYTES

@@ -28,7 +28,7 @@ from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
-from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.ros.time_stamps import header
 from mwd_sensors.simulator import scenario_files, steering
 from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.scenario import read
@@ -261,9 +261,8 @@ class SondeNode(GraphNode[SondeSettings]):
             self._publish_quill(sonde, sonde.string.quill)
 
     def _publish_quill(self, sonde: Sonde, angle: float) -> None:
-        message = JointState(name=["quill"], position=[angle])
-        message.header.stamp = stamp(sonde.stamp_ns(self._simulated_until, of_tool=False))
-        self._quill.publish(message)
+        about = header(sonde.stamp_ns(self._simulated_until, of_tool=False))
+        self._quill.publish(JointState(header=about, name=["quill"], position=[angle]))
 
     def _thinned(self, topic: str, samples: Samples) -> Samples:
         """Return every n-th sample counted from the start of the scenario, independent of the block boundaries."""
@@ -422,8 +421,7 @@ class SimulatedRigCommands:
             self._obeyed += 1
         answer = RigAcknowledge(lease=message.lease, sequence=message.sequence, message=self._refusal)
         answer.obeyed = not self._refusal
-        answer.header.stamp = stamp(self._node.get_clock().now().nanoseconds)
-        answer.header.frame_id = self._node.frame(wire.RIG_FRAME)
+        answer.header = header(self._node.get_clock().now().nanoseconds, self._node.frame(wire.RIG_FRAME))
         self._answers.publish(answer)
 
     def on_control(self, message: ControlState) -> None:

@@ -16,6 +16,7 @@ from mwd_msgs.msg import PressureBurst, SerialBurst, StrokeBurst, ToolFlow, Tran
 
 from mwd_sensors.core import gauge_burst, wire
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
@@ -102,7 +103,7 @@ class TelemetryTopics:
         sonde = self._sonde
         if sonde is None or sonde.link is None or message.link not in self._heard:
             return
-        start_ns = message.header.stamp.sec * wire.NANOSECONDS + message.header.stamp.nanosec
+        start_ns = stamp_of(message.header.stamp)
         before = sonde.link.late
         sonde.link.send(
             OnAir(

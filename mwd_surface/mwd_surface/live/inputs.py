@@ -156,7 +156,8 @@ class DepthSources:
         If the source in force agrees with a depth by hand within `DISAGREEMENT`, the depth by hand ends.
         """
         self._depths[short_name(frame)] = (now, bit_depth)
-        if self._hand is not None and self._is_source(frame) and abs(bit_depth - self._hand[1]) <= DISAGREEMENT:
+        in_force = frame == self._selection.source
+        if self._hand is not None and in_force and abs(bit_depth - self._hand[1]) <= DISAGREEMENT:
             self._hand = None
 
     def set_by_hand(self, bit_depth: float, now: float) -> None:
@@ -220,6 +221,3 @@ class DepthSources:
     def _live(self, now: float) -> dict[str, float]:
         silent = self._selection.rules.silent_after
         return {key: depth for key, (at, depth) in self._depths.items() if now - at <= silent}
-
-    def _is_source(self, frame: str) -> bool:
-        return frame == self._selection.source

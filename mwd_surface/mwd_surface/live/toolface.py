@@ -11,11 +11,13 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
+from typing import ClassVar
 
 import numpy as np
 
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.message_record import MessageRecord
 
 
 class ToolfaceMode(enum.IntEnum):
@@ -28,13 +30,16 @@ class ToolfaceMode(enum.IntEnum):
 GRAVITY, MAGNETIC = ToolfaceMode
 
 
-@dataclasses.dataclass(frozen=True)
-class ToolfaceReading:
+@dataclasses.dataclass(frozen=True, eq=False)
+class ToolfaceReading(MessageRecord):
     """
-    A toolface, as mwd_msgs/Toolface: angle and sigma in rad, NaN if not available; rotary speed in rad/s.
+    A toolface, with the fields of mwd_msgs/Toolface except its age.
 
+    angle, sigma: rad, NaN if not available. rotary_speed: rad/s.
     rotating: whether the string rotates, or has turned so lately that the toolface is not settled.
     """
+
+    MESSAGE: ClassVar[str] = "mwd_msgs/msg/Toolface"
 
     stamp_ns: int
     mode: ToolfaceMode

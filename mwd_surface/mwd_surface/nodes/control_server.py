@@ -14,7 +14,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.messages import make
-from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.ros.time_stamps import header
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.lease_numbers import LeaseNumbers
 from mwd_surface.control.set_point import LeaseLimits, SetPoint
@@ -188,8 +188,7 @@ class ControlServer:
         self._reserve()
         self._live.show(self._context.well_now, control=status)
         message = status.to_message(make)
-        message.header.stamp = stamp(self._context.now_ns())
-        message.header.frame_id = self._node.frame(wire.RIG_FRAME)
+        message.header = header(self._context.now_ns(), self._node.frame(wire.RIG_FRAME))
         self._state.publish(message)
         if status.state == ControlState.FAULT:
             if status.reason != self._reason:

@@ -18,7 +18,7 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros.deferred import DeferredGoal
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.messages import make
-from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.ros.time_stamps import header
 from mwd_sensors.telemetry import tool_configuration
 from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION
 from mwd_surface.control.authority import ControlAuthority
@@ -271,8 +271,7 @@ class DownlinkServer:
         status = DownlinkStatus.of(machine, now)
         self._live.show(self._context.well_now, downlink=status)
         message = status.to_message(make)
-        message.header.stamp = stamp(self._context.now_ns())
-        message.header.frame_id = self._node.frame(wire.RIG_FRAME)
+        message.header = header(self._context.now_ns(), self._node.frame(wire.RIG_FRAME))
         self._state.publish(message)
         goal = self._goal
         if goal is None:

@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.ros.deferred import DeferredResponse, answering
@@ -238,7 +239,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
     @answering
     def _on_seek(self, request: SeekReplay.Request, response: SeekReplay.Response) -> str:
         pace, bag = self._started()
-        asked = request.time.sec * 10**9 + request.time.nanosec
+        asked = stamp_of(request.time)
         if not asked and not (math.isfinite(request.offset) and request.offset >= 0.0):
             raise ValueError(f"offset: must be 0 or more seconds, got {request.offset}")
         wanted = asked or bag.start_ns + round(request.offset * 1e9)

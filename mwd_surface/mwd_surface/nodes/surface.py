@@ -33,7 +33,7 @@ from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.qos import LATCHED, STATE
 from mwd_sensors.ros.run_node import run_node
-from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.ros.time_stamps import header
 from mwd_surface import __version__
 from mwd_surface.bags.recorder.status import RecorderError
 from mwd_surface.live.alarms import AlarmLog, Severity
@@ -439,7 +439,4 @@ class StaticFrames:
         self._published = tool_frame, sensor_to_bit
 
     def _transform(self, parent: str, child: str) -> TransformStamped:
-        transform = TransformStamped(child_frame_id=child)
-        transform.header.frame_id = parent
-        transform.header.stamp = stamp(self._context.now_ns())
-        return transform
+        return TransformStamped(header=header(self._context.now_ns(), parent), child_frame_id=child)

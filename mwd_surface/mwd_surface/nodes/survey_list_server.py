@@ -25,7 +25,7 @@ from mwd_sensors.ros.deferred import DeferredResponse, answering
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.messages import make, unknown
 from mwd_sensors.ros.qos import EVENT, LATCHED, STATE
-from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.ros.time_stamps import header
 from mwd_surface.exports.export import FORMATS, ExportError, export
 from mwd_surface.exports.report_clearance import clearance_sections
 from mwd_surface.exports.survey_table import SurveyTable, survey_table
@@ -186,7 +186,7 @@ class SurveyListServer(SurveyBook):
         """Publish a person's request with its outcome, for recordings."""
         event = unknown(msg.OperatorEvent, kind=kind, success=response.success, message=response.message, **fields)
         event.operator_name = request.operator_name
-        event.header.stamp = stamp(self._decided_ns)
+        event.header = header(self._decided_ns)
         self._event_publisher.publish(event)
 
     @answering

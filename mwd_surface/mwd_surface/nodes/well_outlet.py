@@ -17,7 +17,7 @@ from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.messages import make
 from mwd_sensors.ros.qos import DEADLINE_STATE, EVENT, LATCHED
-from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.ros.time_stamps import header
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.live.alarms import AlarmLog, Severity
 from mwd_surface.live.inputs import InputTable
@@ -96,30 +96,21 @@ class NodeOutlet(WellOutlet):
 
     def on_toolface(self, reading: ToolfaceReading, age: float, frame: str) -> None:
         """Publish the toolface."""
-        message = msg.Toolface(
-            mode=reading.mode,
-            angle=reading.angle,
-            age=age,
-            sigma=reading.sigma,
-            rotating=reading.rotating,
-            rotary_speed=reading.rotary_speed,
-        )
-        message.header.stamp = stamp(reading.stamp_ns)
-        message.header.frame_id = frame
+        message = reading.to_message(make)
+        message.age, message.header.frame_id = age, frame
         self._toolface.publish(message)
 
     def on_inputs(self, table: InputTable) -> None:
         """Publish the table of inputs."""
         message = table.to_message(make)
-        message.header.stamp = stamp(self.alarm_log.now_ns())
-        message.header.frame_id = self._node.frame(wire.RIG_FRAME)
+        message.header = header(self.alarm_log.now_ns(), self._node.frame(wire.RIG_FRAME))
         self._inputs.publish(message)
 
     def on_advice(self, advice: Advice) -> None:
         """Publish the steering advice."""
         message = advice.to_message(make)
-        message.header.stamp = stamp(advice.stamp_ns) if advice.stamp_ns else self._now()
-        message.header.frame_id = self._node.frame(wire.SONDE_FRAME)
+        now_ns = int(self._node.get_clock().now().nanoseconds)
+        message.header = header(advice.stamp_ns or now_ns, self._node.frame(wire.SONDE_FRAME))
         self._advice.publish(message)
 
     def on_alarms(self, log: AlarmLog, missing: tuple[str, ...], stamp_ns: int) -> None:
@@ -127,9 +118,8 @@ class NodeOutlet(WellOutlet):
         for event in log.events_after(self._told):
             self._events.publish(event.to_message(make))
         self._told = log.logged
-        alarms = msg.AlarmList(alarms=[a.to_message(make) for a in log.alarms()], not_evaluated=list(missing))
-        alarms.header.stamp = stamp(stamp_ns)
-        self._alarms.publish(alarms)
+        alarms = [alarm.to_message(make) for alarm in log.alarms()]
+        self._alarms.publish(msg.AlarmList(header=header(stamp_ns), alarms=alarms, not_evaluated=list(missing)))
 
     def on_stretch(self, stretch: DrilledStretch) -> None:
         """Save a stretch of the slide sheet; raise an alarm if it cannot be saved."""
@@ -180,9 +170,6 @@ class NodeOutlet(WellOutlet):
     def run(self, job: Callable[[], Any], done: Callable[[concurrent.futures.Future[Any]], None]) -> None:
         """Run slow work in another thread; `done` is called in the thread of the node."""
         self._worker.submit(job, done)
-
-    def _now(self) -> Any:
-        return stamp(int(self._node.get_clock().now().nanoseconds))
 
 
 def _disk(folder: Path) -> dict[str, float]:

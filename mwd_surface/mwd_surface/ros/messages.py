@@ -13,16 +13,14 @@ from nav_msgs.msg import Path
 
 from mwd_sensors.core import frames
 from mwd_sensors.ros.messages import make
-from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.ros.time_stamps import header, stamp
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.trajectory.well_path import Definitive
 
 
 def path_message(path: Definitive, changed_ns: int, frame_id: str) -> Path:
     """Return the well path as nav_msgs/Path in east-north-up, with x of each pose downhole."""
-    message = Path()
-    message.header.stamp = stamp(changed_ns)
-    message.header.frame_id = frame_id
+    message = Path(header=header(changed_ns, frame_id))
     orientations = frames.orientation_et(frames.mat_nt(path.inclination, path.azimuth, np.pi))
     for position, orientation in zip(path.positions @ frames.MAT_EN.T, orientations, strict=True):
         pose = PoseStamped(header=message.header)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 from typing import NamedTuple
 
+from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.telemetry import meanings
 from mwd_surface.bags.bag_reader import Bag
 
@@ -57,7 +58,7 @@ def unlisted(bag: Bag, namespace: str = "") -> list[Unlisted]:
     listed = []
     if any(topic.type_name == _SURVEY for topic in bag.topics.values()):
         surveys = bag.find_topic(_SURVEY, f"{prefix}/link/survey")
-        listed = [_ns(bag.decode(name, data).header.stamp) for _, name, _, data in bag.messages([surveys])]
+        listed = [stamp_of(bag.decode(name, data).header.stamp) for _, name, _, data in bag.messages([surveys])]
     erased = _erased(bag, bag.find_topic(_WORD, f"{prefix}/link/word"))
     found: dict[int, Unlisted] = {}
     for flow in _flows(bag, bag.find_topic(_QUALITY, f"{prefix}/link/quality")):
@@ -70,10 +71,6 @@ def unlisted(bag: Bag, namespace: str = "") -> list[Unlisted]:
     return list(found.values())
 
 
-def _ns(stamp: object) -> int:
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)  # type: ignore[attr-defined]
-
-
 def _erased(bag: Bag, topic: str) -> list[tuple[int, str]]:
     """Return the times, ns, of survey inclinations that were dropped as too uncertain, each with a sentence."""
     out = []
@@ -82,7 +79,9 @@ def _erased(bag: Bag, topic: str) -> list[tuple[int, str]]:
         if (word.kind, word.status, word.revision) != (_OF_SURVEY, _ERASED, _FINAL):
             continue
         if meanings.meaning_of(word.name) == meanings.INCLINATION:
-            out.append((_ns(word.start), f"the inclination was not received clearly, confidence {word.confidence:.2f}"))
+            out.append(
+                (stamp_of(word.start), f"the inclination was not received clearly, confidence {word.confidence:.2f}")
+            )
     return out
 
 
@@ -93,7 +92,7 @@ def _flows(bag: Bag, topic: str) -> list[_Flow]:
     stopped: dict[str, int] = {}
     for _, name, _, data in bag.messages([topic]):
         quality = bag.decode(name, data)
-        stamp, link = _ns(quality.header.stamp), quality.link
+        stamp, link = stamp_of(quality.header.stamp), quality.link
         if quality.state == _NO_INPUT:
             continue
         if quality.state == _NO_FLOW:
