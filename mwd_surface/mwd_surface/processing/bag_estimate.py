@@ -34,7 +34,7 @@ from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.core.mount import Mount, MountSettings, resolve
-from mwd_surface.bags.bag_reader import Bag, Block, MessagePart
+from mwd_surface.bags.bag_reader import Bag, BagError, Block, MessagePart
 from mwd_surface.processing.bag_input import (
     FIELDS,
     InputSettings,
@@ -43,8 +43,10 @@ from mwd_surface.processing.bag_input import (
     find_topics,
     guesses,
     mount_of,
+    refuse_damaged,
     refuse_wrong_unit,
     tool_frame,
+    worth_saying,
 )
 from mwd_surface.processing.input_stream import InputStream, asked_span, offsets_of_clock, problems, refuse
 from mwd_surface.processing.list_builder import ListBuilder
@@ -105,7 +107,8 @@ class BagEstimate:
     BagError
         The bag has no topic of an IMU.
     ValueError
-        The settings require a field that no model covers, or the samples cannot be used.
+        The settings require a field that no model covers or smooth another method than bounded, or the samples cannot
+        be used.
     """
 
     def __init__(
@@ -119,6 +122,8 @@ class BagEstimate:
         merger: Merger | None = None,
         recorded: Recorded | None = None,
     ) -> None:
+        if smooth and estimator.gravity.method != "bounded":
+            raise ValueError(f"smooth: only the method bounded can be smoothed, not {estimator.gravity.method}")
         self.topics = find_topics(bag, given)
         self._bag, self._estimator, self._given = bag, estimator, given
         self._compensation, self._merger = compensation, merger
@@ -146,7 +151,7 @@ class BagEstimate:
         self._rests = Rests(estimator.survey)
         self._summary = Summary(self.topics, warnings=guesses(bag, self.topics, given))
 
-    def run(self, sink: Callable[[Output], None], progress: Callable[[float], None]) -> Summary:
+    def run(self, sink: Callable[[Output], None], progress: Callable[[float], None] = lambda _share: None) -> Summary:
         """
         Run the estimator and return the summary.
 
@@ -155,9 +160,12 @@ class BagEstimate:
 
         Raises
         ------
+        BagError
+            The bag is cut off or damaged (unless `given.partial`), or has no IMU sample.
         ValueError
             The samples cannot be used; OptionNeededError if options of the input solve the problem.
         """
+        refuse_damaged(self._bag, self._given)
         self._warn_of_input()
 
         def write(result: _Result) -> None:
@@ -179,7 +187,19 @@ class BagEstimate:
                 give(result)
         progress(1.0)
         self._close()
+        # Some damage is found only while reading.
+        refuse_damaged(self._bag, self._given)
+        if self._summary.rows == 0:
+            self._refuse_empty()
+        self._summary.warnings += worth_saying(self._bag)
         return self._summary
+
+    def _refuse_empty(self) -> None:
+        start_s, long = self._given.start_s, (self._bag.end_ns - self._bag.start_ns) * 1e-9
+        if start_s > long > 0.0:
+            raise BagError(f"{self._bag.path} ends after {long:.1f} s, before --start {start_s:g}")
+        state = f"{self._bag.path} has no IMU sample in {self.topics.imu}"
+        raise BagError(state, "look at the recording with `mwd bag info`")
 
     def _warn_of_input(self) -> None:
         unusable = self._pipeline.mount.unusable
