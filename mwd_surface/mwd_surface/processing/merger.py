@@ -39,7 +39,7 @@ class Merger:
     Parameters
     ----------
     merged : MergedBag
-        The copy; the caller closes it.
+        Writer of the copy.
     imu_topic : str
         Topic of the IMU; the estimates get the namespace of this topic and the log times of its messages.
     thinner : Thinner

@@ -10,7 +10,7 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.bags.merged_bag import MergedBag
+from mwd_surface.bags.merged_bag import merged_bag
 from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.thinner import Thinner
 
@@ -21,7 +21,7 @@ IMU = "/w1/imu/data_raw"
 def _merge(path, target, rate_hz=0.0, count=100, held_back=False):
     pipeline = Pipeline(EstimatorSettings())
     last = Output.empty(0)
-    with Bag(path) as bag, MergedBag(target, bag) as merged:
+    with Bag(path) as bag, merged_bag(target, bag) as merged:
         merger = Merger(merged, IMU, Thinner(rate_hz))
         merger.frame = "imu_7"
         for block, originals in bag.blocks_and_originals([IMU], block_messages=count):
