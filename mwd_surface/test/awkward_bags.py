@@ -23,8 +23,8 @@ from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.processing.bag_estimate import BagEstimate
 from mwd_surface.processing.bag_input import InputSettings
-from mwd_surface.processing.process import estimate
 from mwd_surface.runs import simulate
 
 SCENARIO = """
@@ -64,7 +64,7 @@ def surveys(path: Path, day: str = DAY, **given: object) -> list[tuple[object, .
     with Bag(path) as bag:
         estimator = settings.changed(EstimatorSettings(), PLACE_SETTINGS | {"place.date": day})
         input_settings = settings.from_mapping(InputSettings, {"partial": True, **given})
-        summary = estimate(bag, estimator, input_settings, lambda _output: None)
+        summary = BagEstimate(bag, estimator, input_settings).run(lambda _output: None)
     found = [(survey, survey.station) for survey, _ in summary.surveys]
     return [
         (

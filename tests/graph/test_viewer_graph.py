@@ -16,7 +16,7 @@ import pytest
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.live.said import SAID
 from mwd_surface.page.state_json import StateJson
-from mwd_surface.runs.player import Player, named_plan, namespace_of
+from mwd_surface.runs.player import Player, namespace_of, recorded_surface
 from mwd_surface.trajectory.plan_file import read_plan
 from page_states import differences
 from running_graph import until
@@ -82,7 +82,7 @@ def test_the_viewer_shows_what_the_page_showed(run):
     path, states = run
     compared = 0
     with Bag(path) as bag:
-        named = named_plan(bag)
+        named = recorded_surface(bag).plan
         plan = read_plan(Path(named.file), given=named.given()) if named.file else None
         player = Player(bag, namespace_of(bag), plan=plan)
         page = StateJson(player.well.live.settings)

@@ -8,9 +8,10 @@ original and new messages together. Only messages that cannot be written yet are
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -31,40 +32,37 @@ _PREFIX, _HEAD, _MESSAGE = MESSAGE_PREFIX, MESSAGE_HEAD, Opcode.MESSAGE
 _HEAD_FIELDS = MESSAGE_FIELDS[-3:]
 
 
-class MergedBag:
+@contextlib.contextmanager
+def merged_bag(path: Path, bag: Bag) -> Iterator[MergedBag]:
     """
-    Writer of a copy of a recording with additional topics.
+    Yield a writer of a copy of a recording; the copy is finished after the block, and deleted if the block fails.
 
-    Parameters
-    ----------
-    path : Path
-        Folder of the copy; must not exist.
-    bag : Bag
-        The recording. Its topics, attachments and tables are copied.
+    path : folder of the copy. bag : recording, whose topics, attachments and tables are copied.
 
     Raises
     ------
     FileExistsError
         `path` exists.
     OSError
-        Writing fails; every method that writes may raise this.
+        Writing fails; every method of the writer may raise this.
     """
+    with BagWriter(path, custom=bag.custom) as writer:
+        merged = MergedBag(writer, bag)
+        yield merged
+        merged.flush()
 
-    def __init__(self, path: Path, bag: Bag) -> None:
-        self._writer = BagWriter(path, custom=bag.custom)
-        try:
-            self._channels = np.array(
-                [self._writer.copy_topic(about) for about in bag.carried.values()],
-                dtype=np.uint16,
-            )
-            for item in bag.attachments():
-                self._writer.attach(item.name, item.media_type, item.data, item.log_time)
-            for name, table in bag.metadata().items():
-                if name != ROSBAG2_RECORD:
-                    self._writer.add_metadata(name, table)
-        except BaseException:
-            self._writer.abandon()
-            raise
+
+class MergedBag:
+    """Writer of a copy of a recording with additional topics; see `merged_bag`."""
+
+    def __init__(self, writer: BagWriter, bag: Bag) -> None:
+        self._writer = writer
+        self._channels = np.array([writer.copy_topic(about) for about in bag.carried.values()], dtype=np.uint16)
+        for item in bag.attachments():
+            writer.attach(item.name, item.media_type, item.data, item.log_time)
+        for name, table in bag.metadata().items():
+            if name != ROSBAG2_RECORD:
+                writer.add_metadata(name, table)
         self._taken = set(bag.carried)
         self._written: dict[int, int] = {}
         self._originals: list[MessagePart] = []
@@ -134,22 +132,6 @@ class MergedBag:
             begin = end
         channel = np.concatenate([source.channel for source in ready])[order]
         self._writer.write_records(records, offset, channel, log_ns[order])
-
-    def close(self) -> None:
-        """Write the waiting messages and finish the bag."""
-        self.flush()
-        self._writer.close()
-
-    def __enter__(self) -> MergedBag:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if error is None:
-            self.close()
-        else:
-            self._writer.abandon()
 
 
 @compiled

@@ -117,7 +117,7 @@ def _data(
 def _show(source: str, unit: str, found: Calibration) -> None:
     """Print the residuals of a calibration and the sensor errors that it found."""
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.spoken_table import SpokenTable
+    from mwd_surface.commands.spoken_console import SpokenTable
     from mwd_surface.runs import calibration_run
 
     console = terminal.output()

@@ -70,7 +70,7 @@ def _show(results: list[CheckResult]) -> None:
     from rich.markup import escape
 
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.spoken_table import SpokenTable
+    from mwd_surface.commands.spoken_console import SpokenTable
     from mwd_surface.runs.doctor import CheckLevel
 
     marks = {CheckLevel.OK: "[green]ok[/]", CheckLevel.NOTE: "[yellow]note[/]", CheckLevel.MISSING: "[red]missing[/]"}

@@ -61,7 +61,7 @@ def log(
     from mwd_surface.logs.log_files import FORMATS, gap_lines
     from mwd_surface.logs.recorded_log import recorded_samples
     from mwd_surface.processing.log_estimate import channels_of, computed_samples
-    from mwd_surface.runs.player import recorded_depths, recorded_source
+    from mwd_surface.runs.player import recorded_depths, recorded_surface
     from mwd_surface.surveys.recorded_settings import recorded_settings
     from mwd_surface.surveys.well import Well
 
@@ -77,7 +77,7 @@ def log(
             settings = recorded.estimator or EstimatorSettings()
             samples = computed_samples(bag, settings, given, channels_of(tool), recorded)
         else:
-            samples = recorded_samples(bag, well, recorded_source(bag))
+            samples = recorded_samples(bag, well, recorded_surface(bag).link.source)
         found = recorded_depths(bag, well, step)
         found.add(samples)
         found.finish()

@@ -92,7 +92,7 @@ def merge(
     from mwd_surface.logs.log_files import FORMATS, gap_lines
     from mwd_surface.logs.memory_clock import memory_clock
     from mwd_surface.logs.recorded_log import recorded_samples
-    from mwd_surface.runs.player import recorded_book, recorded_source
+    from mwd_surface.runs.player import recorded_book, recorded_surface
     from mwd_surface.surveys.recorded_settings import recorded_settings
     from mwd_surface.surveys.survey_source import surveys_of
     from mwd_surface.surveys.survey_store import encoded
@@ -107,7 +107,7 @@ def merge(
         clock = memory_clock(memory_merge.rotation_of_rig(bag, well), memory_merge.rotation_of_memory(dumped))
         of_memory = memory_merge.in_run_time(recorded_samples(dumped), clock)
         try:
-            of_run = recorded_samples(bag, well, recorded_source(bag))
+            of_run = recorded_samples(bag, well, recorded_surface(bag).link.source)
         except BagError:
             of_run = []
         together = memory_merge.combined(of_run, of_memory)

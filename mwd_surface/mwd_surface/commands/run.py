@@ -15,12 +15,6 @@ from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.commands.list_options import PlanSet
 from mwd_surface.commands.run_graph import RunOptions, run_graph
 from mwd_surface.commands.run_options import (
-    Hold,
-    Params,
-    Plan,
-    Set,
-    SingleProcess,
-    Token,
     give_parameters,
     page_secret,
     parameter_file,
@@ -32,6 +26,8 @@ if TYPE_CHECKING:
 
     from mwd_sensors.simulator.scenario import Scenario
     from mwd_surface.surveys.score import Scored
+
+_SETTINGS = "Settings"
 
 
 def run(
@@ -64,13 +60,40 @@ def run(
     no_rig: Annotated[
         bool, typer.Option("--no-rig", help="Do not start the rig interfaces (WITS, OPC UA, Modbus) on this machine.")
     ] = False,
-    single_process: SingleProcess = False,
-    hold: Hold = False,
-    token: Token = None,
-    plan: Plan = None,
+    single_process: Annotated[
+        bool,
+        typer.Option(
+            "--single-process",
+            help="Run sonde, estimator and surface in one process: less CPU time, but a crash ends all three.",
+        ),
+    ] = False,
+    hold: Annotated[bool, typer.Option("--hold", help="Keep running after the scenario, until Ctrl-C.")] = False,
+    token: Annotated[
+        str | None,
+        typer.Option(
+            help="Secret for the operator controls of the page, 8 characters or more; `new` creates and prints one.",
+            rich_help_panel=_SETTINGS,
+        ),
+    ] = None,
+    plan: Annotated[
+        Path | None,
+        typer.Option(help="File of the planned path, in any format that `mwd path` reads.", rich_help_panel=_SETTINGS),
+    ] = None,
     plan_set: PlanSet = None,
-    changes: Set = None,
-    params: Params = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            help="Set one parameter, e.g. estimator.survey.duration_s=12. The name of the node may be omitted if only "
+            "one node has the parameter. May be repeated.",
+            metavar="NAME=VALUE",
+            rich_help_panel=_SETTINGS,
+        ),
+    ] = None,
+    params: Annotated[
+        Path | None,
+        typer.Option("--params", help="ROS parameter file for the nodes named in it.", rich_help_panel=_SETTINGS),
+    ] = None,
 ) -> None:
     """
     Play a scenario through the whole graph: sonde, estimator, surface, live page and recording.
@@ -275,7 +298,7 @@ def _show_scores(console: Console, scored: list[Scored], convention: AngleConven
 
     from rich.text import Text
 
-    from mwd_surface.commands.spoken_table import SpokenTable
+    from mwd_surface.commands.spoken_console import SpokenTable
     from mwd_surface.commands.survey_table import COLOURS, show_actions
 
     if not scored:

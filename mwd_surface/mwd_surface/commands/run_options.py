@@ -1,53 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options of `mwd run` in addition to the scenario: node settings, parameter files, plan, secret of the page."""
+"""Parameters that the user of `mwd run` gives to the nodes: settings, parameter files, secret of the page."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
 from mwd_surface.commands.speech import say
 
-_SETTINGS = "Settings"
-_LEAST_SECRET = 8  # length of the shortest secret that the page accepts
-
-Hold = Annotated[bool, typer.Option("--hold", help="Keep running after the scenario, until Ctrl-C.")]
-SingleProcess = Annotated[
-    bool,
-    typer.Option(
-        "--single-process",
-        help="Run sonde, estimator and surface in one process: less CPU time, but a crash ends all three.",
-    ),
-]
-Token = Annotated[
-    str | None,
-    typer.Option(
-        help="Secret for the operator controls of the page, 8 characters or more; `new` creates and prints one.",
-        rich_help_panel=_SETTINGS,
-    ),
-]
-Plan = Annotated[
-    Path | None,
-    typer.Option(help="File of the planned path, in any format that `mwd path` reads.", rich_help_panel=_SETTINGS),
-]
-Set = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        help="Set one parameter, e.g. estimator.survey.duration_s=12. The name of the node may be omitted if only one "
-        "node has the parameter. May be repeated.",
-        metavar="NAME=VALUE",
-        rich_help_panel=_SETTINGS,
-    ),
-]
-Params = Annotated[
-    Path | None,
-    typer.Option("--params", help="ROS parameter file for the nodes named in it.", rich_help_panel=_SETTINGS),
-]
-
+_LEAST_SECRET = 8  # least number of characters of a secret, as required by the page
 
 # Parameters that only an option of `mwd run` may set, with the name of the option or the remedy.
 OF_OPTIONS = {
@@ -227,6 +191,8 @@ def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
     ------
     ValueError
         The secret is too short.
+        OSError
+        The file cannot be written.
     """
     import os
     import secrets

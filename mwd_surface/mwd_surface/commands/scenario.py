@@ -23,7 +23,7 @@ def list_() -> None:
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.spoken_table import SpokenTable
+    from mwd_surface.commands.spoken_console import SpokenTable
 
     table = SpokenTable()
     table.add_column("name", no_wrap=True)

@@ -15,7 +15,7 @@ from mwd_estimation.core.reference_field import best_north, north_correction
 from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.core.frames import wrap_pi
-from mwd_surface.commands.spoken_table import SpokenTable
+from mwd_surface.commands.spoken_console import SpokenTable
 from mwd_surface.surveys.station_checks import NO_DEPTH
 from mwd_surface.surveys.station_quality import DOUBTFUL, REJECT, totals
 

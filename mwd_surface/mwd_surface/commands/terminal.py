@@ -57,14 +57,14 @@ class PrintableStream:
 
 def output() -> Console:
     """Return the console for results; lines are never wrapped, except in tables."""
-    from mwd_surface.commands.escaping_console import escaping_console
+    from mwd_surface.commands.spoken_console import escaping_console
 
     return escaping_console(stderr=False)
 
 
 def remarks() -> Console:
     """Return the console for warnings and errors."""
-    from mwd_surface.commands.escaping_console import escaping_console
+    from mwd_surface.commands.spoken_console import escaping_console
 
     return escaping_console(stderr=True)
 
@@ -82,7 +82,7 @@ def facts(lines: Iterable[tuple[str, str]], width: int = 13) -> None:
 
 def table(names: Iterable[str], left: Container[str] = ("",), *, title: str | None = None) -> Table:
     """Return a table without a frame and with these column names; columns in `left` are aligned left, others right."""
-    from mwd_surface.commands.spoken_table import SpokenTable
+    from mwd_surface.commands.spoken_console import SpokenTable
 
     made = SpokenTable(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0), header_style="dim")
     for name in names:

@@ -47,7 +47,7 @@ def tools(
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.spoken_table import SpokenTable
+    from mwd_surface.commands.spoken_console import SpokenTable
     from mwd_surface.runs.tool_comparison import compared
     from mwd_surface.signals.cells import table as csv_table
 

@@ -150,7 +150,7 @@ def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked
     from mwd_surface.live.plan_monitor import PlanMonitor
-    from mwd_surface.runs.player import named_plan, usual_dip
+    from mwd_surface.runs.player import recorded_surface
     from mwd_surface.surveys.recorded_settings import recorded_settings
     from mwd_surface.surveys.well import Well
     from mwd_surface.trajectory.plan import Plan
@@ -158,7 +158,8 @@ def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
 
     if path is not None or said:
         return read_plan_option(path, said)
-    named = named_plan(bag)
+    surface = recorded_surface(bag)
+    named = surface.plan
     if not named.file:
         designed = PlanMonitor.read(named, recorded_settings(bag).well(Well()))
         return designed if isinstance(designed, Plan) else None
@@ -167,6 +168,6 @@ def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
         terminal.remark(f"the plan of this recording, {file}, is not on this machine; give it with --plan")
         return None
     try:
-        return read_plan(file, given=named.given().with_dip(usual_dip(bag)))
+        return read_plan(file, given=named.given().with_dip(surface.well.angles.points))
     except ListFileError as error:
         raise asked(error, "--plan-set {}={}") from error

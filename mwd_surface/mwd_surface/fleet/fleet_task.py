@@ -24,6 +24,7 @@ from mwd_surface.fleet import fleet_dataset
 from mwd_surface.fleet.attitude_statistics import AttitudeStatistics
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 from mwd_surface.processing import bag_input, process
+from mwd_surface.processing.bag_estimate import BagEstimate
 from mwd_surface.processing.bag_input import InputSettings, wells
 from mwd_surface.processing.run_summary import Summary
 from mwd_surface.signals.table import SURVEY_TABLE
@@ -146,7 +147,7 @@ def _estimated(
     def take(output: Output) -> None:
         statistics.add(output.attitude, output.gravity)
 
-    return process.estimate(bag, estimator, given, take, recorded), statistics
+    return BagEstimate(bag, estimator, given, recorded=recorded).run(take), statistics
 
 
 def _settings(recorded: Recorded, work: FleetWork) -> EstimatorSettings:

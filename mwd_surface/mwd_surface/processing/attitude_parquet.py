@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 import pyarrow as pa
@@ -88,17 +87,6 @@ class ParquetWriter:
             table = pa.Table.from_batches(self._waiting).unify_dictionaries()
             self._file.write_table(table, row_group_size=self._rows)
             self._waiting, self._rows = [], 0
-
-    def __enter__(self) -> ParquetWriter:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if error is None:
-            self.close()
-        else:
-            self._file.close()
 
 
 def _nullable(values: NDArray[np.float64], sigma: NDArray[np.float64]) -> pa.Array:

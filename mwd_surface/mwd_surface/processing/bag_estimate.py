@@ -8,13 +8,13 @@ pipeline as in the live node.
 
 from __future__ import annotations
 
+import collections
 import contextlib
 import dataclasses
 import datetime
-import queue
-import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TypeVar
+from collections.abc import Callable, Generator, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.core.mount import Mount, MountSettings, resolve
-from mwd_surface.bags.bag_reader import Bag, Block, MessagePart
+from mwd_surface.bags.bag_reader import Bag, BagError, Block, MessagePart
 from mwd_surface.processing.bag_input import (
     FIELDS,
     InputSettings,
@@ -43,8 +43,10 @@ from mwd_surface.processing.bag_input import (
     find_topics,
     guesses,
     mount_of,
+    refuse_damaged,
     refuse_wrong_unit,
     tool_frame,
+    worth_saying,
 )
 from mwd_surface.processing.input_stream import InputStream, asked_span, offsets_of_clock, problems, refuse
 from mwd_surface.processing.list_builder import ListBuilder
@@ -104,7 +106,8 @@ class BagEstimate:
     BagError
         The bag has no topic of an IMU.
     ValueError
-        The settings require a field that no model covers, or the samples cannot be used.
+        The settings require a field that no model covers or smooth another method than bounded, or the samples cannot
+        be used.
     """
 
     def __init__(
@@ -118,6 +121,8 @@ class BagEstimate:
         merger: Merger | None = None,
         recorded: Recorded | None = None,
     ) -> None:
+        if smooth and estimator.gravity.method != "bounded":
+            raise ValueError(f"smooth: only the method bounded can be smoothed, not {estimator.gravity.method}")
         self.topics = find_topics(bag, given)
         self._bag, self._estimator, self._given = bag, estimator, given
         self._compensation, self._merger = compensation, merger
@@ -145,7 +150,7 @@ class BagEstimate:
         self._rests = Rests(estimator.survey)
         self._summary = Summary(self.topics, warnings=guesses(bag, self.topics, given))
 
-    def run(self, sink: Callable[[Output], None], progress: Callable[[float], None]) -> Summary:
+    def run(self, sink: Callable[[Output], None], progress: Callable[[float], None] = lambda _share: None) -> Summary:
         """
         Run the estimator and return the summary.
 
@@ -155,9 +160,12 @@ class BagEstimate:
 
         Raises
         ------
+        BagError
+            The bag is cut off or damaged (unless `given.partial`), or has no IMU sample.
         ValueError
             The samples cannot be used; OptionNeededError if options of the input solve the problem.
         """
+        refuse_damaged(self._bag, self._given)
         self._warn_of_input()
 
         def write(result: _Result) -> None:
@@ -179,7 +187,19 @@ class BagEstimate:
                 give(result)
         progress(1.0)
         self._close()
+        # Some damage is found only while reading.
+        refuse_damaged(self._bag, self._given)
+        if self._summary.rows == 0:
+            self._refuse_empty()
+        self._summary.warnings += worth_saying(self._bag)
         return self._summary
+
+    def _refuse_empty(self) -> None:
+        start_s, long = self._given.start_s, (self._bag.end_ns - self._bag.start_ns) * 1e-9
+        if start_s > long > 0.0:
+            raise BagError(f"{self._bag.path} ends after {long:.1f} s, before --start {start_s:g}")
+        state = f"{self._bag.path} has no IMU sample in {self.topics.imu}"
+        raise BagError(state, "look at the recording with `mwd bag info`")
 
     def _warn_of_input(self) -> None:
         unusable = self._pipeline.mount.unusable
@@ -190,7 +210,7 @@ class BagEstimate:
         taken = "is assumed to have the axes of the IMU"
         self._summary.warnings += [f"{units[unit]} {taken}: {why}" for unit, why in assumed.items()]
 
-    def _blocks(self) -> Iterator[tuple[Block, list[MessagePart]]]:
+    def _blocks(self) -> Generator[tuple[Block, list[MessagePart]], None, None]:
         """Yield the blocks of the bag, each with the unchanged messages of its time if there is a merger."""
         if self._merger is not None:
             yield from self._bag.blocks_and_originals(self.topics.all, *self._span, fields=FIELDS)
@@ -522,54 +542,26 @@ _DEPTH = 3  # default number of items that wait between two stages
 
 
 @contextlib.contextmanager
-def ahead(items: Iterable[T], depth: int = _DEPTH) -> Iterator[Iterator[T]]:
+def ahead(items: Generator[T, None, None], depth: int = _DEPTH) -> Iterator[Iterator[T]]:
     """
     Yield an iterator of the items, which a thread computes at most `depth` items before they are used.
 
     An exception in `items` is raised where the next item would have been used. When the `with` block ends, early or
-    not, the thread finishes the current item, closes `items` if it is a generator, and ends.
+    not, the thread finishes the current item and ends, and `items` is closed.
     """
-    # Entries are (item,), an exception, or None at the end.
-    ready: queue.Queue[tuple[T] | BaseException | None] = queue.Queue(depth)
-    stop = threading.Event()
+    end: Any = object()
+    with contextlib.closing(items), ThreadPoolExecutor(1, "ahead") as thread:
+        waiting = collections.deque(thread.submit(next, items, end) for _ in range(depth))
 
-    def put(entry: tuple[T] | BaseException | None) -> None:
-        while not stop.is_set():
-            with contextlib.suppress(queue.Full):
-                ready.put(entry, timeout=0.1)
-                return
+        def used() -> Iterator[T]:
+            while (item := waiting.popleft().result()) is not end:
+                waiting.append(thread.submit(next, items, end))
+                yield item
 
-    def fetch() -> None:
-        iterator = iter(items)
         try:
-            for item in iterator:
-                put((item,))
-                if stop.is_set():
-                    break
-            put(None)
-        except BaseException as error:  # noqa: BLE001  (raised where the item is used)
-            put(error)
+            yield used()
         finally:
-            close = getattr(iterator, "close", None)
-            if close is not None:
-                close()
-
-    def used() -> Iterator[T]:
-        while True:
-            entry = ready.get()
-            if isinstance(entry, BaseException):
-                raise entry
-            if entry is None:
-                return
-            yield entry[0]
-
-    thread = threading.Thread(target=fetch, name="ahead", daemon=True)
-    thread.start()
-    try:
-        yield used()
-    finally:
-        stop.set()
-        thread.join()
+            thread.shutdown(cancel_futures=True)
 
 
 @contextlib.contextmanager
@@ -577,40 +569,24 @@ def behind(work: Callable[[T], None], depth: int = _DEPTH) -> Iterator[Callable[
     """
     Yield a function that passes an item to a thread, which calls `work` with each item in order.
 
-    The function waits while `depth` items wait already. An exception of `work` ends the thread, and is raised by the
-    next call or at the end of the block. If the block ends normally, all items have been processed; if the block raises
-    an exception, waiting items are dropped.
+    The function waits while `depth` items wait already. An exception of `work` is raised by a later call or at the end
+    of the block. If the block ends normally, all items have been processed; if the block raises an exception, waiting
+    items are dropped.
     """
-    waiting: queue.Queue[tuple[T] | None] = queue.Queue(depth)
-    drop = threading.Event()
-    failures: list[BaseException] = []
+    with ThreadPoolExecutor(1, "behind") as thread:
+        waiting: collections.deque[Future[None]] = collections.deque()
 
-    def run() -> None:
-        while (entry := waiting.get()) is not None:
-            if drop.is_set() or failures:
-                continue
-            try:
-                work(entry[0])
-            except BaseException as error:  # noqa: BLE001  (raised where items are passed on)
-                failures.append(error)
+        def give(item: T) -> None:
+            while waiting and (len(waiting) > depth or waiting[0].done()):
+                waiting.popleft().result()
+            waiting.append(thread.submit(work, item))
 
-    def give(item: T) -> None:
-        if failures:
-            raise failures[0]
-        waiting.put((item,))
-
-    thread = threading.Thread(target=run, name="behind", daemon=True)
-    thread.start()
-    try:
-        yield give
-    except BaseException:
-        drop.set()
-        raise
-    finally:
-        waiting.put(None)
-        thread.join()
-    if failures:
-        raise failures[0]
+        try:
+            yield give
+            for one in waiting:
+                one.result()
+        finally:
+            thread.shutdown(cancel_futures=True)
 
 
 # Queue of IMU samples that wait for the next block, or for enough later samples to smooth them.

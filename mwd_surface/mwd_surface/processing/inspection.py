@@ -34,6 +34,7 @@ from mwd_sensors.core import mount as mounts
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.mount import Mount
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
+from mwd_surface.processing.bag_estimate import BagEstimate
 from mwd_surface.processing.bag_input import (
     QUANTITIES,
     InputSettings,
@@ -45,7 +46,6 @@ from mwd_surface.processing.bag_input import (
     option_of,
 )
 from mwd_surface.processing.input_stream import CLOCK_SET_NS, InputStream, StreamProblem, problems
-from mwd_surface.processing.process import estimate
 from mwd_surface.processing.rests import Rests
 from mwd_surface.processing.run_summary import Summary
 from mwd_surface.processing.stream_times import StreamTimes
@@ -233,7 +233,7 @@ def _processed(bag: Bag, reading: _InspectionPass) -> tuple[Summary | None, str]
     settled = settings.changed(reading.estimator, {"place.date": day}) if day else reading.estimator
     try:
         settled, _ = with_a_model(settled, bag.start_ns)
-        return estimate(bag, settled, given, lambda _output: None), ""
+        return BagEstimate(bag, settled, given).run(lambda _output: None), ""
     except (BagError, ValueError) as error:
         return None, str(error)
 

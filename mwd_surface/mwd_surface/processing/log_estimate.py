@@ -20,8 +20,8 @@ from mwd_sensors.telemetry import log_channels, tool_configuration
 from mwd_sensors.telemetry.log_channels import LogChannel, LogSample
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.logs.recorded_log import topic_of
+from mwd_surface.processing.bag_estimate import BagEstimate
 from mwd_surface.processing.bag_input import InputSettings, find_topics
-from mwd_surface.processing.process import estimate
 from mwd_surface.surveys.recorded_settings import Recorded
 
 
@@ -83,7 +83,7 @@ def computed_samples(
         found.extend(sampler.advance(output.attitude))
         sampler.running.clear()
 
-    estimate(bag, estimator, given, take, recorded)
+    BagEstimate(bag, estimator, given, recorded=recorded).run(take)
     return found + sampler.finish()
 
 

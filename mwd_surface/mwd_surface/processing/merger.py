@@ -3,9 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from types import TracebackType
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +11,7 @@ from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
-from mwd_surface.bags.bag_reader import Bag, MessagePart
+from mwd_surface.bags.bag_reader import MessagePart
 from mwd_surface.bags.merged_bag import MergedBag
 from mwd_surface.processing.thinner import Thinner
 
@@ -41,8 +38,8 @@ class Merger:
 
     Parameters
     ----------
-    path : Path
-        Folder of the copy.
+    merged : MergedBag
+        Writer of the copy.
     imu_topic : str
         Topic of the IMU; the estimates get the namespace of this topic and the log times of its messages.
     thinner : Thinner
@@ -56,11 +53,11 @@ class Merger:
         Frame of the estimates; set it before the first call of `take`.
     """
 
-    def __init__(self, path: Path, bag: Bag, imu_topic: str, thinner: Thinner) -> None:
+    def __init__(self, merged: MergedBag, imu_topic: str, thinner: Thinner) -> None:
         self.remarks: list[str] = []
         self.frame = wire.SONDE_FRAME
         self._thinner = thinner
-        self._merged = MergedBag(path, bag)
+        self._merged = merged
         namespace = imu_topic.removesuffix(_IMU) if imu_topic.endswith(_IMU) else imu_topic.rpartition("/")[0] + "/"
         self._channels = {}
         self._last_ns = 0
@@ -81,8 +78,7 @@ class Merger:
         """
         Write the next results and messages.
 
-        output, log_ns : results of IMU samples, and the log time of each sample.
-        originals : messages of the recording.
+        output, log_ns : results of IMU samples, and the log time of each sample. originals : messages of the recording.
         until_ns : no message logged up to this time, ns, will follow.
         """
         for one in originals:
@@ -119,11 +115,3 @@ class Merger:
     def _serialised(self, survey: DecidedSurvey) -> bytes:
         message = survey.record(self.frame).to_message(self._definitions.make)
         return bytes(self._definitions.typestore.serialize_cdr(message, _SURVEY_TYPE))
-
-    def __enter__(self) -> Merger:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._merged.__exit__(kind, error, trace)

@@ -11,14 +11,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mwd_estimation.core.sensor_fault import FaultCode
-from mwd_estimation.pipeline.output import Output
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.core import settings
-from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.processing.bag_estimate import BagEstimate
-from mwd_surface.processing.bag_input import InputSettings, refuse_damaged, worth_saying
-from mwd_surface.processing.merger import Merger
+from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.processing.run_config import config_text, input_text
 from mwd_surface.processing.run_output import (
     CONFIG,
@@ -37,7 +35,6 @@ REVERSED = (
     "the accelerometer reads gravity instead of specific force: its signs are reversed for these results, as "
     "--accelerometer down does"
 )
-_AFTER = ("surveys.csv", "surveys.json", "faults.csv", CONFIG, INPUT)  # order of the files listed below the attitude
 
 
 def process(
@@ -60,6 +57,7 @@ def process(
 
     Parameters
     ----------
+    bag : Bag
     folder : Path
         Created if it does not exist; other files in it are not changed.
     estimator, given : settings
@@ -68,7 +66,7 @@ def process(
         Called with the completed share, 0 to 1.
     compensation : Compensation, optional
         Calibration of the AHRS, applied to its samples first.
-    recorded : Recorded, optional
+    wanted : OutputSettings, optional recorded : Recorded, optional
         Settings in the recording, with which its live survey list was made.
 
     Raises
@@ -82,9 +80,37 @@ def process(
         The folder cannot be written.
     """
     given, wanted = given or InputSettings(), wanted or OutputSettings()
-    summary = _processed(bag, folder, estimator, given, progress, compensation, wanted, recorded)
+
+    def processed(estimator: EstimatorSettings) -> Summary:
+        with drafts(folder) as draft:
+            with destination(draft, bag, wanted, given) as (sink, merger):
+                run = BagEstimate(
+                    bag,
+                    estimator,
+                    given,
+                    compensation=compensation,
+                    smooth=wanted.smooth,
+                    merger=merger,
+                    recorded=recorded,
+                )
+                summary = run.run(sink, progress)
+            texts = {
+                "surveys.csv": survey_csv.text(survey_csv.list_cells(summary.listed)),
+                "surveys.json": encoded(summary.listed).decode(),
+                "faults.csv": fault_text(summary.faults),
+                CONFIG: config_text(estimator, given, wanted, summary.topics),
+                INPUT: input_text(bag.path, given, calibrated=compensation is not None),
+            }
+            for name, text in texts.items():
+                (draft / name).write_text(text, encoding="utf-8")
+            # List the attitude first, because it is the main result.
+            attitude = [file.name for file in draft.iterdir() if file.name not in texts]
+            summary.files = [*attitude, *texts]
+        return summary
+
+    summary = processed(estimator)
     if (changed := reversed_settings(estimator, summary)) is not None:
-        summary = _processed(bag, folder, changed, given, progress, compensation, wanted, recorded)
+        summary = processed(changed)
         summary.warnings.insert(0, REVERSED)
     return summary
 
@@ -103,87 +129,3 @@ def reversed_settings(estimator: EstimatorSettings, summary: Summary) -> Estimat
     if not shown or estimator.tool.mount.accelerometer != "up" or summary.as_live:
         return None
     return settings.changed(estimator, {"tool.mount.accelerometer": "down"})
-
-
-def _processed(
-    bag: Bag,
-    folder: Path,
-    estimator: EstimatorSettings,
-    given: InputSettings,
-    progress: Callable[[float], None],
-    compensation: Compensation | None,
-    wanted: OutputSettings,
-    recorded: Recorded | None,
-) -> Summary:
-    """Process a bag with these settings, write the results to `folder`, and return their summary."""
-    with drafts(folder) as draft:
-        with destination(draft, bag, wanted, given) as (sink, merger):
-            run = _run_of(bag, estimator, given, compensation, wanted.smooth, merger, recorded)
-            summary = _finished(run, bag, given, sink, progress)
-        (draft / "surveys.csv").write_text(survey_csv.text(survey_csv.list_cells(summary.listed)), encoding="utf-8")
-        (draft / "surveys.json").write_bytes(encoded(summary.listed))
-        (draft / "faults.csv").write_text(fault_text(summary.faults), encoding="utf-8")
-        config = config_text(estimator, given, wanted, summary.topics)
-        (draft / CONFIG).write_text(config, encoding="utf-8")
-        read = input_text(bag.path, given, calibrated=compensation is not None)
-        (draft / INPUT).write_text(read, encoding="utf-8")
-        summary.files = [file.name for file in draft.iterdir()]
-        # List the attitude first, because it is the main result.
-        summary.files.sort(key=lambda name: _AFTER.index(name) if name in _AFTER else -1)
-    return summary
-
-
-def estimate(
-    bag: Bag,
-    estimator: EstimatorSettings,
-    given: InputSettings,
-    sink: Callable[[Output], None],
-    recorded: Recorded | None = None,
-) -> Summary:
-    """
-    Run the estimator over a bag and return the summary.
-
-    sink : called with the output of each block, in order, in a separate thread.
-    recorded : settings in the recording, with which its live survey list was made.
-
-    Raises
-    ------
-    BagError, ValueError
-        See `process`; an exception of the sink ends the run.
-    """
-    return _finished(_run_of(bag, estimator, given, recorded=recorded), bag, given, sink, lambda _share: None)
-
-
-def _run_of(
-    bag: Bag,
-    estimator: EstimatorSettings,
-    given: InputSettings,
-    compensation: Compensation | None = None,
-    smooth: bool = False,
-    merger: Merger | None = None,
-    recorded: Recorded | None = None,
-) -> BagEstimate:
-    if smooth and estimator.gravity.method != "bounded":
-        raise ValueError(f"smooth: only the method bounded can be smoothed, not {estimator.gravity.method}")
-    return BagEstimate(
-        bag, estimator, given, compensation=compensation, smooth=smooth, merger=merger, recorded=recorded
-    )
-
-
-def _finished(
-    run: BagEstimate,
-    bag: Bag,
-    given: InputSettings,
-    sink: Callable[[Output], None],
-    progress: Callable[[float], None],
-) -> Summary:
-    refuse_damaged(bag, given)
-    summary = run.run(sink, progress)
-    # Some damage is found only while reading.
-    refuse_damaged(bag, given)
-    if summary.rows == 0:
-        if given.start_s > (long := (bag.end_ns - bag.start_ns) * 1e-9) > 0.0:
-            raise BagError(f"{bag.path} ends after {long:.1f} s, before --start {given.start_s:g}")
-        raise BagError(f"{bag.path} has no IMU sample in {run.topics.imu}", "look at the recording with `mwd bag info`")
-    summary.warnings += worth_saying(bag)
-    return summary

@@ -16,6 +16,7 @@ from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.pipeline.output import Output
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.merged_bag import merged_bag
 from mwd_surface.processing import attitude_csv
 from mwd_surface.processing.bag_input import InputSettings, find_topics
 from mwd_surface.processing.merger import Merger
@@ -89,14 +90,14 @@ def destination(
     """Yield the function that writes the attitude of each block, and the merger for the format mcap, else None."""
     thinner = Thinner(wanted.rate_hz)
     if wanted.format == "mcap":
-        with Merger(folder / MERGED, bag, find_topics(bag, given).imu, thinner) as merger:
-            yield lambda _output: None, merger
+        with merged_bag(folder / MERGED, bag) as merged:
+            yield lambda _output: None, Merger(merged, find_topics(bag, given).imu, thinner)
         return
     if wanted.format == "parquet":
         # Import only if needed: loading this module takes longer than processing a short recording.
         from mwd_surface.processing import attitude_parquet
 
-        with attitude_parquet.ParquetWriter(folder / "attitude.parquet") as writer:
+        with contextlib.closing(attitude_parquet.ParquetWriter(folder / "attitude.parquet")) as writer:
 
             def write_table(output: Output) -> None:
                 picked = thinner(output.attitude["stamp_ns"])

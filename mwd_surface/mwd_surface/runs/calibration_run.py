@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -228,26 +228,25 @@ def within_calibration(settings: EstimatorSettings, path: Path) -> EstimatorSett
 def _run(
     source: str, unit: str, joined: Mapping[str, Samples], topics: tuple[str, str | None, str | None]
 ) -> CalibrationReadings:
-    imu = _ordered([joined[topics[0]]])
+    imu = _ordered(joined[topics[0]])
     if len(imu) < 100:
         raise ValueError(f"{source}: {len(imu)} samples are too few for a calibration")
     stamps = imu["stamp_ns"]
     rate = float(1e9 / np.median(np.diff(stamps)))
     mag = None
     if topics[1] is not None and topics[1] in joined and len(joined[topics[1]]) > 1:
-        field = _ordered([joined[topics[1]]])
+        field = _ordered(joined[topics[1]])
         mag = np.column_stack(
             [_interpolated(stamps, field["stamp_ns"], field["magnetic_field"][:, axis]) for axis in range(3)]
         )
     if topics[2] is None or topics[2] not in joined or len(joined[topics[2]]) == 0:
         raise ValueError(f"{source}: there is no temperature; a calibration needs {_TEMPERATURE}")
-    heat = _ordered([joined[topics[2]]])
+    heat = _ordered(joined[topics[2]])
     celsius = _interpolated(stamps, heat["stamp_ns"], heat["temperature"])
     return CalibrationReadings(source, unit, imu, mag, celsius, rate)
 
 
-def _ordered(parts: Iterable[Samples]) -> Samples:
-    samples = np.concatenate(list(parts))
+def _ordered(samples: Samples) -> Samples:
     return np.asarray(samples[np.unique(samples["stamp_ns"], return_index=True)[1]])
 
 

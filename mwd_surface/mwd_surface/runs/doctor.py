@@ -118,16 +118,10 @@ def python() -> CheckResult:
 
 
 def package(name: str, why: str) -> CheckResult:
-    """
-    Return OK if a required package is installed, else MISSING, or NOTE if `why` has the words "without it".
-
-    why: purpose of the package, for the message.
-    """
+    """Return OK if a required package is installed, else MISSING; why: its purpose, for the message."""
     if importlib.util.find_spec(name) is None:
-        level = CheckLevel.NOTE if "without it" in why else CheckLevel.MISSING
-        return CheckResult(
-            name, level, f"not installed; needed for {why}", "run `make setup`, or pip install it into this Python"
-        )
+        remedy = "run `make setup`, or pip install it into this Python"
+        return CheckResult(name, CheckLevel.MISSING, f"not installed; needed for {why}", remedy)
     distribution = {"yaml": "PyYAML"}.get(name, name)
     return CheckResult(name, CheckLevel.OK, _version(distribution))
 
@@ -142,11 +136,8 @@ def interface(what: str, module: str, distribution: str) -> CheckResult:
 
 def rig_port(what: str, port: int) -> CheckResult:
     """Return OK if a rig interface can listen on its usual port, else NOTE; what: name of the interface."""
-    taken = _taken(port)
-    if taken:
-        remedy = "`mwd run` uses another port; for a surface node, set the port of this interface (rig.*.port)"
-        return CheckResult(f"{what} port", CheckLevel.NOTE, f"port {port}: {taken}", remedy)
-    return CheckResult(f"{what} port", CheckLevel.OK, f"port {port} is free")
+    remedy = "`mwd run` uses another port; for a surface node, set the port of this interface (rig.*.port)"
+    return _port(f"{what} port", port, remedy)
 
 
 def middleware() -> CheckResult:
@@ -256,12 +247,7 @@ def disk(folder: Path) -> CheckResult:
 
 def page_port(port: int) -> CheckResult:
     """Return OK if the live page can listen on its port, else NOTE."""
-    taken = _taken(port)
-    if taken:
-        return CheckResult(
-            "page", CheckLevel.NOTE, f"port {port}: {taken}", "`mwd run` uses another port, or the port of --port"
-        )
-    return CheckResult("page", CheckLevel.OK, f"port {port} is free")
+    return _port("page", port, "`mwd run` uses another port, or the port of --port")
 
 
 def clock() -> CheckResult:
@@ -295,7 +281,13 @@ def _version(distribution: str) -> str:
         return "installed"
 
 
-def _taken(port: int) -> str:
+def _port(name: str, port: int, remedy: str) -> CheckResult:
+    if taken := port_taken(port):
+        return CheckResult(name, CheckLevel.NOTE, f"port {port}: {taken}", remedy)
+    return CheckResult(name, CheckLevel.OK, f"port {port} is free")
+
+
+def port_taken(port: int) -> str:
     """Return the reason why a program cannot listen on a loopback port; empty if the port is free."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -21,6 +21,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from mwd_surface.runs.doctor import port_taken
+
 # Import only for type annotations: commands for a running graph start faster without the simulator and its compiler.
 if TYPE_CHECKING:
     from mwd_sensors.simulator.scenario import Scenario
@@ -242,7 +244,7 @@ def _free_port(first: int, count: int) -> Iterator[int | None]:
         if lock is None:
             continue
         with lock:
-            if _bindable(port):
+            if not port_taken(port):
                 yield port
                 return
     yield None
@@ -332,16 +334,6 @@ def _text(value: Any) -> str:
         return "[" + ", ".join(_text(one) for one in value) + "]"
     # Quote a text, so that ROS does not read it as a date or a number.
     return "'" + str(value).replace("'", "''") + "'" if isinstance(value, str) else str(value)
-
-
-def _bindable(port: int) -> bool:
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError:
-            return False
-    return True
 
 
 def _locked(what: str) -> TextIO | None:

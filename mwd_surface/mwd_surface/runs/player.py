@@ -29,7 +29,7 @@ from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_context import WellContext, WellOutlet
 from mwd_surface.live.well_state import WellState
 from mwd_surface.logs.depth_log import STEP_M, DepthLog
-from mwd_surface.logs.recorded_log import DIRECT, RIG, namespace_with
+from mwd_surface.logs.recorded_log import RIG, namespace_with
 from mwd_surface.logs.tool_health import HealthLedger
 from mwd_surface.logs.tool_table import TOOL, recorded_limits
 from mwd_surface.surveys.depth import DepthRules
@@ -84,10 +84,9 @@ def recorded_well(bag: Bag, namespace: str) -> RecordedWell:
     return RecordedWell(link=LinkSettings("best")) if over_link else RecordedWell()
 
 
-def recorded_source(bag: Bag) -> str:
-    """Return the setting `link.source` of the surface in a recording; DIRECT (no telemetry link) if unknown."""
-    settings = recorded_sections(bag, RecordedWell())
-    return DIRECT if settings is None else settings.link.source
+def recorded_surface(bag: Bag) -> RecordedWell:
+    """Return the surface's settings in a recording; the usual settings if the recording has none."""
+    return recorded_sections(bag, RecordedWell()) or RecordedWell()
 
 
 class _Simulated(WellOutlet):
@@ -286,15 +285,3 @@ def namespace_of(bag: Bag) -> str:
     ]
     spaces = {name.removesuffix(_LINK_ATTITUDE).removesuffix("attitude") for name in found}
     return spaces.pop() if len(spaces) == 1 else bag.find_topic(wire.ATTITUDE.type_name, "attitude")[:-8]
-
-
-def named_plan(bag: Bag) -> PlanSettings:
-    """Return the plan settings of the surface node in a recording; the file name is empty if there was no plan."""
-    settings = recorded_sections(bag, RecordedWell())
-    return PlanSettings() if settings is None else settings.plan
-
-
-def usual_dip(bag: Bag) -> str:
-    """Return the direction of positive dips in a recorded well, "up" or "down"; empty if the well uses inclination."""
-    settings = recorded_sections(bag, RecordedWell())
-    return "" if settings is None else settings.well.angles.points

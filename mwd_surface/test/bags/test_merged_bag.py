@@ -16,7 +16,7 @@ from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.mcap.recovery_report import check
-from mwd_surface.bags.merged_bag import MergedBag
+from mwd_surface.bags.merged_bag import merged_bag
 
 START = 1_700_000_000_000_000_000
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -49,7 +49,7 @@ def _attitude(count: int, step_ns: int) -> np.ndarray:
 
 
 def _merge(source: Path, target: Path, attitude: np.ndarray, name: str = "/w1/attitude") -> str:
-    with Bag(source) as bag, MergedBag(target, bag) as merged:
+    with Bag(source) as bag, merged_bag(target, bag) as merged:
         channel, name = merged.topic(name, wire.ATTITUDE.type_name)
         done = 0
         for block, originals in bag.blocks_and_originals(["/w1/imu/data_raw"], block_messages=500):
@@ -137,7 +137,7 @@ def test_a_copy_that_fails_leaves_nothing(tmp_path):
     _source(tmp_path / "bag")
 
     def fail():
-        with Bag(tmp_path / "bag") as bag, MergedBag(tmp_path / "merged", bag):
+        with Bag(tmp_path / "bag") as bag, merged_bag(tmp_path / "merged", bag):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -157,7 +157,7 @@ def test_messages_of_another_definition_are_named_unreadable_and_copied_as_they_
         channel = writer.topic("/w1/survey", survey)
         theirs = bytes(of(writer.definitions.typestore, 7))
         writer.write(channel, theirs, START)
-    with Bag(tmp_path / "source") as bag, MergedBag(tmp_path / "merged", bag) as merged:
+    with Bag(tmp_path / "source") as bag, merged_bag(tmp_path / "merged", bag) as merged:
         assert "another definition" in bag.unread(survey)
         channel, name = merged.topic("/w1/survey", survey)
         for _, originals in bag.blocks_and_originals([]):

@@ -4,6 +4,7 @@
 import csv
 import io
 import math
+from contextlib import closing
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -31,7 +32,7 @@ def _samples(n=500):
 @pytest.mark.slow
 def test_parquet_holds_the_cells_of_the_csv(tmp_path):
     attitude, gravity = _samples()
-    with attitude_parquet.ParquetWriter(tmp_path / "a.parquet") as writer:
+    with closing(attitude_parquet.ParquetWriter(tmp_path / "a.parquet")) as writer:
         for k in range(0, 500, 120):
             writer.write(attitude[k : k + 120], gravity[k : k + 120])
         writer.write(attitude[:0], gravity[:0])
@@ -52,7 +53,7 @@ def test_parquet_holds_the_cells_of_the_csv(tmp_path):
 def test_row_groups_are_written_as_they_fill(tmp_path, monkeypatch):
     monkeypatch.setattr(attitude_parquet, "_GROUP_ROWS", 200)
     attitude, gravity = _samples()
-    with attitude_parquet.ParquetWriter(tmp_path / "a.parquet") as writer:
+    with closing(attitude_parquet.ParquetWriter(tmp_path / "a.parquet")) as writer:
         for k in range(0, 500, 100):
             writer.write(attitude[k : k + 100], gravity[k : k + 100])
     file = pq.ParquetFile(tmp_path / "a.parquet")

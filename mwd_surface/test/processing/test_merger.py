@@ -10,6 +10,7 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.bags.merged_bag import merged_bag
 from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.thinner import Thinner
 
@@ -20,7 +21,8 @@ IMU = "/w1/imu/data_raw"
 def _merge(path, target, rate_hz=0.0, count=100, held_back=False):
     pipeline = Pipeline(EstimatorSettings())
     last = Output.empty(0)
-    with Bag(path) as bag, Merger(target, bag, IMU, Thinner(rate_hz)) as merger:
+    with Bag(path) as bag, merged_bag(target, bag) as merged:
+        merger = Merger(merged, IMU, Thinner(rate_hz))
         merger.frame = "imu_7"
         for block, originals in bag.blocks_and_originals([IMU], block_messages=count):
             log_ns, samples = block[IMU]

@@ -2,6 +2,7 @@
 """What `mwd process` left is read back alike from CSV and Parquet, and what is no run is reported as such."""
 
 import csv
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def written(folder, kind, rows=ROWS):
         gravity["sigma"][-1] = np.nan
         attitude["status"][-1] = Status.INITIALISING | Status.NO_MAG
     if kind == "parquet":
-        with attitude_parquet.ParquetWriter(folder / "attitude.parquet") as writer:
+        with closing(attitude_parquet.ParquetWriter(folder / "attitude.parquet")) as writer:
             writer.write(attitude, gravity)
     else:
         lines = attitude_csv.CsvLines()(attitude, gravity)

@@ -21,10 +21,6 @@ def test_a_missing_package_is_named_with_its_purpose_and_remedy():
     assert doctor.package("numpy", "every computation").level == CheckLevel.OK
 
 
-def test_what_can_be_done_without_is_only_noted():
-    assert doctor.package("no_such_package_at_all", "speed; without it everything works").level == CheckLevel.NOTE
-
-
 def test_another_ros_is_refused():
     found = doctor.foreign_ros({"ROS_DISTRO": "humble"})
     assert found.level == CheckLevel.MISSING

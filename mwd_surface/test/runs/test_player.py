@@ -27,7 +27,7 @@ from mwd_surface.page.state_json import StateJson
 from mwd_surface.processing import process
 from mwd_surface.processing.run_output import OutputSettings
 from mwd_surface.runs import simulate
-from mwd_surface.runs.player import Player, RecordedWell, named_plan, namespace_of, usual_dip
+from mwd_surface.runs.player import Player, RecordedWell, namespace_of, recorded_surface
 from mwd_surface.surveys.recorded_settings import SURFACE
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import plan_of
@@ -231,5 +231,8 @@ def test_the_plan_and_the_convention_of_a_recording_are_those_of_its_settings(az
             bag.add_metadata(SURFACE, table)
             bag.write(bag.topic("/text", "std_msgs/msg/String"), b"\0\1\0\0\1\0\0\0\0", 1, 1)
         with Bag(Path(folder) / "bag") as bag:
-            assert named_plan(bag) == settings.plan
-            assert usual_dip(bag) == {"inclination": "", "dip_up": "up", "dip_down": "down"}[word]
+            assert recorded_surface(bag).plan == settings.plan
+            assert (
+                recorded_surface(bag).well.angles.points
+                == {"inclination": "", "dip_up": "up", "dip_down": "down"}[word]
+            )
