@@ -12,6 +12,7 @@ from mwd_estimation.core import clip_flags
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
+from mwd_estimation.gyrocompass import north_seek
 from mwd_estimation.gyrocompass.seek_params import TACTICAL
 from mwd_estimation.gyrocompass.session import NorthSession, SessionParams
 from mwd_sensors.core.frames import wrap_pi
@@ -32,11 +33,10 @@ UNIT = dataclasses.replace(
 RATE = 50.0
 
 
-def bins(seconds, rpm=0.0, seed=1):
-    """Half-second bins of both units on a tool at inclination 40, azimuth 100 deg."""
-    tool = motion(
-        seconds, LATITUDE * DEG, lambda t: 40.0 * DEG + 0.0 * t, lambda t: 100.0 * DEG + 0.0 * t, steady(rpm), RATE
-    )
+def bins(seconds, rpm=0.0, seed=1, sway_deg=0.0):
+    """Half-second bins of both units on a tool at inclination 40, azimuth 100 deg; it sways once in 20 s."""
+    inclination = lambda t: (40.0 + sway_deg * np.sin(2.0 * np.pi * t / 20.0)) * DEG  # noqa: E731
+    tool = motion(seconds, LATITUDE * DEG, inclination, lambda t: 100.0 * DEG + 0.0 * t, steady(rpm), RATE)
     rng = np.random.default_rng(seed)
     gyro, accel = measured(tool, rng, 0.02, 0.02)
     ahrs = tool.gyro_t.copy()
@@ -84,6 +84,31 @@ def test_a_flagged_x_rate_that_looks_small_is_that_of_the_conventional_unit():
     found, told = plain.solution(), flagged.solution()
     assert told.success, told.reason
     assert abs(wrap_pi(told.azimuth - found.azimuth)) < 0.5 * found.sigma
+
+
+def test_a_seek_that_begins_again_gets_the_lost_time_and_at_most_as_much_again():
+    steady_run, swaying_run = (NorthSession(SessionParams(), UNIT, 40.0, "") for _ in range(2))
+    for run, sway_deg in ((steady_run, 0.0), (swaying_run, 0.05)):
+        for one in bins(90.0, sway_deg=sway_deg):
+            if not run.done:
+                run.add(*one)
+    assert steady_run.duration == 40.0
+    assert 40.0 + 12.0 < swaying_run.duration <= 80.0
+    # It ends with a bin of half a second.
+    assert 0.0 <= swaying_run.elapsed - swaying_run.duration < 0.5
+
+
+def test_the_sway_before_a_gap_is_forgotten():
+    def after_a_gap(first):
+        state = north_seek.initial()
+        for k, (_, unit, _) in enumerate((*first, *bins(40.0))):
+            stamps = unit.stamps + (0 if k < len(first) else 3_600 * 10**9)
+            north_seek.run(UNIT, state, stamps, unit.values[:, :3], unit.values[:, 3:])
+        return state
+
+    swayed, alone = after_a_gap(tuple(bins(30.0, sway_deg=0.05))), after_a_gap(())
+    np.testing.assert_allclose(swayed.scatter, alone.scatter, rtol=1e-6)
+    assert float(swayed.elapsed) == pytest.approx(float(alone.elapsed))
 
 
 def test_without_a_precision_unit_there_is_a_reason_instead_of_an_azimuth():
