@@ -172,4 +172,4 @@ def _near(found: Sequence[Clearance]) -> float:
     """Return the largest distance to draw, m: enough to show every well where its separation factor is smallest."""
     least = max(float(c.distance[c.least]) for c in found[:_MOST])
     allowed = max(float(c.allowed[c.least]) for c in found[:_MOST])
-    return 10.0 * math.ceil(max(3.0 * allowed, 1.5 * least) / 10.0)
+    return 10.0 * math.ceil(1.5 * max(allowed, least) / 10.0)
