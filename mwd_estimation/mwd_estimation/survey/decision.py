@@ -67,7 +67,7 @@ class Provisional:
     survey: DecidedSurvey
     measured: Measured
     finding: Finding | None = None  #: finding of the run about its azimuth; None if there is no finding
-    #: Mean, shape (22,), and covariance, shape (22, 22), of the errors that the stations of the run share (see
+    #: Mean, shape (23,), and covariance, shape (23, 23), of the errors that the stations of the run share (see
     #: `RunModel.shared`); None if unknown.
     shared: tuple[Array, Array] | None = None
     #: Evidence against the sensors of the survey at the end of its averaging. Later samples are not used, because the

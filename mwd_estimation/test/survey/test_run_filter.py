@@ -142,6 +142,21 @@ def test_a_string_that_changed_during_a_trip_is_not_taken_for_the_one_before():
     assert min(trip(0.5, rng)) > 3.0
 
 
+@pytest.mark.slow(2)
+def test_remanence_that_grows_steadily_through_a_landing_stays_within_sigma():
+    rng, model, off = np.random.default_rng(7), RunFilter(Priors(), SIGMAS), []
+    for k in range(20):
+        inclination, azimuth = min(0.5 + 0.08 * k, 1.55), 1.3 + 0.015 * k
+        bias = (HIDDEN * min(max((k - 4) / 12.0, 0.0), 1.0), 0.0, 0.0)
+        one = station(inclination, azimuth, rng.uniform(0.0, math.tau), bias, 1e-8, rng)
+        model.pass_time(0.5 * k, 0.005 * k)
+        evidence = model.evidence(one)
+        model.learn(one, evidence)
+        found = read(evidence)
+        off.append(abs(float(wrap_pi(found.mean - azimuth))) / found.sigma)
+    assert max(off) < 3.0
+
+
 def test_the_string_is_known_to_be_another_the_less_the_longer_the_gap():
     priors = Priors()
     chances = [-math.expm1(-hypotheses.hazard(priors, hours)) for hours in (0.0, 1.0, 3.0, 8.0, 12.0, 30.0, 300.0)]

@@ -42,12 +42,16 @@ class SharedErrors(NamedTuple):
     DIP: int = 16  #: dip of the reference
     DECLINATION: int = 17  #: declination of the reference
     OUTSIDE: int = 18  #: external field: north, east, down
-    GYRO: int = 21  #: error of the gyro azimuth that is the same at all stations
-    SIZE: int = 22
+    FIELD_RATE: int = 21  #: change of the string's field along the axis in an hour
+    GYRO: int = 22  #: error of the gyro azimuth that is the same at all stations
+    SIZE: int = 23
 
 
 Shared = SharedErrors()
 SIZE = Shared.SIZE
+# Change of the string's field along the axis in an hour, because the string shakes in the Earth's field while it
+# drills: 1 sigma as a share of the field.
+_RATE_SHARE = 0.08
 # Smallest inclination, rad, with which the axes of a station are computed; a hole nearer to the vertical is treated as
 # if it had this inclination.
 _UPRIGHT = 1e-3
@@ -131,7 +135,7 @@ def geometry(f_h: Array, b_h: Array, covariance: Array, reference: Reference | N
 class Sigmas:
     """Nominal sigmas of a run."""
 
-    shared: Array  #: shape (22,); sigma of each state of `SharedErrors`; fields in uT, forces in m/s^2, angles in rad
+    shared: Array  #: shape (23,); sigma of each state of `SharedErrors`; fields in uT, forces in m/s^2, angles in rad
     #: shape (3,); sigmas of the part of total, dip and declination that differs from station to station, in units of
     #: the shared sigmas.
     own: Array
@@ -166,6 +170,7 @@ def nominal_sigmas(sensors: SensorErrors, reference: Reference | None, magnetic:
         by_ut = np.array([1.0, UT / total, 0.0 if magnetic else UT / reference.horizontal])
         own = np.divide(station, sigma[Shared.TOTAL : Shared.OUTSIDE], out=own, where=whole > 0.0)
     sigma[Shared.OUTSIDE : Shared.OUTSIDE + 3] = _QUIET_NT * 1e-3
+    sigma[Shared.FIELD_RATE] = _RATE_SHARE * string[0]
     sigma[Shared.GYRO] = 1.0
     return Sigmas(sigma, own, by_ut)
 
@@ -175,8 +180,8 @@ def predicted(angle: float, one: Row, sigma: Array, residual: Array, slopes: Arr
     """
     Compute the residual at one azimuth, and its slopes by the shared errors.
 
-    angle : azimuth, rad; one: a record of `GEOMETRY`; sigma, shape (22,), as `nominal_sigmas`. Filled: residual, shape
-    (3,), uT; slopes, shape (3, 22), uT per nominal sigma; turns, shape (3, 3), slopes by the specific force, uT per
+    angle : azimuth, rad; one: a record of `GEOMETRY`; sigma, shape (23,), as `nominal_sigmas`. Filled: residual, shape
+    (3,), uT; slopes, shape (3, 23), uT per nominal sigma; turns, shape (3, 3), slopes by the specific force, uT per
     m/s^2.
     """
     axes, field, force = one.axes, one.field, one.force
@@ -215,7 +220,7 @@ def predicted(angle: float, one: Row, sigma: Array, residual: Array, slopes: Arr
         slopes[i, Shared.MOUNT] = (turns[i, 2] * force[1] - turns[i, 1] * force[2]) * sigma[Shared.MOUNT]
         slopes[i, Shared.MOUNT + 1] = (turns[i, 0] * force[2] - turns[i, 2] * force[0]) * sigma[Shared.MOUNT + 1]
         slopes[i, Shared.MOUNT + 2] = (turns[i, 1] * force[0] - turns[i, 0] * force[1]) * sigma[Shared.MOUNT + 2]
-        slopes[i, Shared.GYRO] = 0.0
+        slopes[i, Shared.FIELD_RATE] = slopes[i, Shared.GYRO] = 0.0
 
 
 def basis(angle: Array) -> Array:
@@ -229,7 +234,7 @@ _TO_BASIS = np.linalg.inv(basis(_AT))
 
 def expansion(one: Row, sigma: Array) -> tuple[Array, Array, Array]:
     """
-    Return residual, slopes and slopes by the force as factors of `basis`: shapes (3, 4), (3, 4, 22) and (3, 4, 3).
+    Return residual, slopes and slopes by the force as factors of `basis`: shapes (3, 4), (3, 4, 23) and (3, 4, 3).
 
     one: a record of `GEOMETRY`. Index 3 of the second axis is the gyro azimuth; its residual is 0 here, because
     `evidence.gyro_residual` computes it.

@@ -83,10 +83,9 @@ TURNED = math.radians(15.0)
 # A change of the string is more probable than `Priors.string_change` if a trip out of the hole and back fits into the
 # gap between two stations: duration of a trip, h, and probability of a change in a much longer gap.
 _TRIP_HOURS, _TRIPS = 12.0, 0.5
-# Random walk of the remanence, because the string shakes in a field whose direction in the string changes: 1 sigma
-# after an hour, x y z, uT. The axial value becomes AMIL of the tool code in two days of drilling. Without the walk, or
-# with half of it, the benchmark's rows "remanence growing" have more than 1 % of the stations beyond 3 sigma.
-_WALK_UT = (0.03, 0.01, 0.01)
+# Time in which the change of the string's field along the axis takes another value, h. Without the change the
+# benchmark's rows "remanence growing" have up to 12 % of the stations beyond 3 sigma.
+RATE_HOURS = 4.0
 # The azimuth error of a drifting gyro is a random walk: 1 sigma after an hour, rad. This covers a drift of 24 deg in
 # half a day, and a frozen gyro in a hole that turns by 3 deg per stand of half an hour.
 _ADRIFT = math.radians(4.0)
@@ -100,7 +99,7 @@ class Filters:
 
     kinds: tuple[Hypothesis, ...]
     weight: Array  #: shape (k,); prior probability
-    variance: Array  #: shape (k, 22); prior variance of each shared error, in nominal variances
+    variance: Array  #: shape (k, 23); prior variance of each shared error, in nominal variances
     adrift: NDArray[np.bool_]  #: shape (k,); whether the gyro drifts
 
     def of_string(self, adrift: bool) -> Indices:
@@ -126,6 +125,8 @@ def filters(priors: Priors, sigmas: Sigmas) -> Filters:
             for j, one in enumerate(np.atleast_1d(size)):
                 if one > 0.0 and sigma[begin + j] > 0.0:
                     variance[begin + j] = max((one / sigma[begin + j]) ** 2, 1.0)
+        # A stronger field of the string changes faster.
+        variance[Shared.FIELD_RATE] = variance[Shared.FIELD_BIAS]
         rows.append((kind, weight, variance))
 
     sound = 1.0 - priors.axial - priors.cross_axial - priors.reference - priors.sensor
@@ -155,11 +156,6 @@ def hazard(priors: Priors, hours: float) -> float:
     """
     trip = _TRIPS * -math.expm1(-((hours / _TRIP_HOURS) ** 4)) if math.isfinite(hours) else 0.0
     return -math.log1p(-priors.string_change) - math.log1p(-trip)
-
-
-def walked(hours: float) -> Array:
-    """Return the growth of the variance of the string's field in `hours`, uT^2, shape (3,)."""
-    return np.square(_WALK_UT) * hours
 
 
 def drifted(hours: float) -> float:

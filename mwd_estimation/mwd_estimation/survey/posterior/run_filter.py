@@ -49,7 +49,8 @@ _BELIEVED = 20.0
 _NEVER = math.log(1e-300)
 # Probability above which a state of the gyro counts as the state at a station. Later stations use these counts.
 _DECIDED = 0.9
-_BIAS = slice(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3)
+# States of the string; a changed string has other values of them.
+_STRING = [*range(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3), Shared.FIELD_RATE]
 _REFERENCE = slice(Shared.TOTAL, Shared.OUTSIDE)
 _OUTSIDE = slice(Shared.OUTSIDE, Shared.OUTSIDE + 3)
 
@@ -58,7 +59,7 @@ _OUTSIDE = slice(Shared.OUTSIDE, Shared.OUTSIDE + 3)
 class RunState:
     """Shared errors estimated from the run so far."""
 
-    #: `mean`, `covariance`: shapes (k, 22) and (k, 22, 22); of the shared errors in nominal sigmas, for each filter.
+    #: `mean`, `covariance`: shapes (k, 23) and (k, 23, 23); of the shared errors in nominal sigmas, for each filter.
     mean: Array
     covariance: Array
     log_weight: Array  #: shape (k,); logarithm of the probability of each filter
@@ -142,12 +143,26 @@ class RunFilter:
         state.covariance[:, _OUTSIDE, :] *= keep
         state.covariance[:, :, _OUTSIDE] *= keep
         state.covariance[:, at, at] += (1.0 - keep * keep) * self.filters.variance[:, _OUTSIDE]
-        at = range(_BIAS.start, _BIAS.stop)
-        state.covariance[:, at, at] += hypotheses.walked(apart) / np.maximum(self.sigma[_BIAS], 1e-9) ** 2
+        if apart > 0.0:
+            self._change_string(hours - state.hours)
         if gyro is not None:
             self._drift(*gyro)
         if math.isfinite(hours):
             state.hours = hours
+
+    def _change_string(self, hours: float) -> None:
+        """Predict the string's field `hours` later (earlier if negative) from its rate, which fades meanwhile."""
+        mean, covariance, along, rate = self.state.mean, self.state.covariance, Shared.FIELD_BIAS, Shared.FIELD_RATE
+        keep = math.exp(-abs(hours) / hypotheses.RATE_HOURS)
+        lasting = math.copysign(hypotheses.RATE_HOURS * (1.0 - keep), hours)
+        step = lasting * self.sigma[rate] / max(self.sigma[along], 1e-9)
+        mean[:, along] += step * mean[:, rate]
+        covariance[:, along] += step * covariance[:, rate]
+        covariance[:, :, along] += step * covariance[:, :, rate]
+        mean[:, rate] *= keep
+        covariance[:, rate] *= keep
+        covariance[:, :, rate] *= keep
+        covariance[:, rate, rate] += (1.0 - keep * keep) * self.filters.variance[:, rate]
 
     def _drift(self, age: float, lasting: float) -> None:
         """
@@ -180,7 +195,7 @@ class RunFilter:
         """
         Update the shared errors with a measurement other than a station.
 
-        H, shape (n, 22): slopes by the errors in nominal sigmas; value, shape (n,), and its covariance, shape (n, n).
+        H, shape (n, 23): slopes by the errors in nominal sigmas; value, shape (n,), and its covariance, shape (n, n).
         """
         branched = self._branched(self.state)
         gain = branched.covariance @ H.T
@@ -283,9 +298,8 @@ class RunFilter:
             strings = self.filters.of_string(adrift)
             mean[strings], covariance[strings] = _merged(weight[strings], mean[strings], covariance[strings])
             anew[strings] = weight[strings].sum() * prior[strings] / prior[strings].sum()
-        at = range(_BIAS.start, _BIAS.stop)
-        mean[:, _BIAS] = covariance[:, _BIAS, :] = covariance[:, :, _BIAS] = 0.0
-        covariance[:, at, at] = self.filters.variance[:, _BIAS]
+        mean[:, _STRING] = covariance[:, _STRING, :] = covariance[:, :, _STRING] = 0.0
+        covariance[:, _STRING, _STRING] = self.filters.variance[:, _STRING]
         weights = np.concatenate([(1.0 - state.changed) * weight, state.changed * anew])
         return dataclasses.replace(
             state,
@@ -298,7 +312,7 @@ class RunFilter:
         """
         Merge the parts of each filter, and of its second filter from `_branched` if there is one, into one Gaussian.
 
-        weight (k, p), mean (k, p, 22), covariance (k, p, 22, 22): p parts of each of k filters: the first filters,
+        weight (k, p), mean (k, p, 23), covariance (k, p, 23, 23): p parts of each of k filters: the first filters,
         then, if `_branched` added them, the second filters in the same order.
         """
         state, count = self.state, len(self.filters.weight)
@@ -341,7 +355,7 @@ class RunFilter:
         return found
 
     def shared(self) -> tuple[Array, Array]:
-        """Return mean and covariance of the shared errors over all filters, SI with fields in uT; (22,), (22, 22)."""
+        """Return mean and covariance of the shared errors over all filters, SI with fields in uT; (23,), (23, 23)."""
         state = self._of_filters(self.state)
         weight = np.exp(state.log_weight)
         mean = weight @ state.mean
@@ -366,7 +380,7 @@ class RunFilter:
         return min(1.0 / math.sqrt(float(slope @ np.linalg.solve(S, slope))), math.pi)
 
     def _terms(self, one: Row, state: RunState) -> tuple[Array, Array, Array]:
-        """Return residual (k, 3, 4), its covariance (k, 3, 3, 4, 4) and P H' (k, 3, 22, 4) as factors of the basis."""
+        """Return residual (k, 3, 4), its covariance (k, 3, 3, 4, 4) and P H' (k, 3, 23, 4) as factors of the basis."""
         residual, slopes, turns = field_model.expansion(one, self.sigma)
         M = np.swapaxes(state.covariance @ slopes.reshape(12, SIZE).T, 1, 2).reshape(-1, 3, 4, SIZE)
         S = np.einsum("iax,kjbx->kijab", slopes, M)
