@@ -220,7 +220,8 @@ def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limits: tu
             white = white or (row.n >= FEW and row.steps > p.white * row.n * row.spread)
             large = large or row.spread > least
     if white and (s != 2 or size2 < p.no_tesla**2):
-        if large or began - check.seen_ns > p.noise_patience_ns:
+        # The clock may have been set back.
+        if large or abs(began - check.seen_ns) > p.noise_patience_ns:
             observe(check, FOR if large else AGAINST, began, worst, limit)
             check.seen_which[0] = axes
         return True

@@ -174,6 +174,18 @@ def test_broad_band_vibration_does_not_keep_the_noise_fault_of_a_sound_sensor(co
 
 
 @pytest.mark.fault_case(7)
+def test_a_noise_fault_ends_in_vibration_after_the_clock_was_set_back():
+    tool, rng = Tool(), np.random.default_rng(4)
+    check = tool.checks[FaultCode.NOISE, 3]
+    for spread, bins, first in ((90.0, 8, 1_000_000), (40.0, 60, 0)):
+        tool.bins = first
+        for _ in range(bins):
+            tool.half_second(put(slice(3, 6), rng.normal(0.0, spread, (N, 3))))
+            debounce.weigh(tool.checks)
+        assert (check["state"] == debounce.FAULT) == (spread == 90.0)
+
+
+@pytest.mark.fault_case(7)
 @given(
     rate=st.floats(-34.0, 34.0),
     swing=st.floats(0.0, 30.0),

@@ -59,6 +59,7 @@ def begin(s: BoundedRecord) -> None:
     for found in (s.innovations.along, s.innovations.across):
         found.low[:] = 0.0
         found.power = 1.0
+        found.event = 0.0
     s.age = s.settled = s.mean_power = s.kept_tilt = 0.0
     for j in range(3):
         s.mean[j] = 0.0

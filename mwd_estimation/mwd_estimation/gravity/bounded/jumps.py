@@ -219,9 +219,6 @@ def _apply(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> None:
                     s.P[i, j] += moves[i, a] * covariance[a, b] * moves[j, b]
     measurement.symmetrise(s.P, STEADY)
     measurement.correct(s, STEADY)
-    # The covariance of the jump is not inflated, so a scale below 1 must not reduce it.
-    for found in (s.innovations.along, s.innovations.across):
-        found.power = max(found.power, 1.0)
     if kind == STEP:
         s.gyro_step = since
         forget_density(s)

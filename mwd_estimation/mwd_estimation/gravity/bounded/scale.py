@@ -5,9 +5,11 @@ Covariance scale of the bounded filter: compare its tilt corrections with their 
 The noises of the filter are inflated, because motion is not white, and gains depend only on ratios of the noises. If
 the covariance is right, the variance of a tilt correction is the decrease of the covariance in the update. The
 corrections are low-passed with the time constant of the filter, which is the time in which noise adds the variance of
-the tilt. The power of the corrections, weighted as in equation (10), is the factor on the covariance. Errors that no
-innovation shows are added: calibration errors, a cone of the cross-axis gyros while the tool rotates, and travel along
-a curve. Equation numbers are those of ``docs/methods/bounded_gravity_filter.md``.
+the tilt. Their power, weighted as in equation (10), is the factor on the covariance. An event that the model does not
+contain moves the tilt before this average shows it; a sum of recent corrections that is too large for chance is
+therefore added as a variance. Errors that no innovation shows are added too: calibration errors, a cone of the
+cross-axis gyros while the tool rotates, and travel along a curve. Equation numbers are those of
+``docs/methods/bounded_gravity_filter.md``.
 """
 
 from __future__ import annotations
@@ -24,9 +26,8 @@ OWN_LEAST, OWN_MOST = 0.3, 20.0  # lower and upper limit of the time constant of
 # After a start, corrections are larger than in steady state: the upper limit of the time constant grows from OWN_LEAST
 # by this share of the time since the start.
 OWN_AGE = 0.25
-# Smallest expected variance of a correction, and smallest decrease of the inclination variance at which corrections are
-# evaluated after clipping; both as a share of the variance that an interval adds to the tilt.
-LEAST_CORRECTION, SHARE_AFTER_CLIP = 0.3, 0.5
+# Smallest expected variance of a correction, as a share of the variance that an interval adds to the tilt.
+LEAST_CORRECTION = 0.3
 # Averaging time of the power: SCALE_TIME, s, plus SCALE_OWN times the time constant of the filter.
 SCALE_TIME, SCALE_OWN = 4.0, 3.0
 # After a start the averaging time is at most SCALE_YOUNG plus the square of (time since the start / SCALE_SETTLED), s.
@@ -36,6 +37,8 @@ SCALE_TIME, SCALE_OWN = 4.0, 3.0
 SCALE_YOUNG, SCALE_SETTLED = 1.0, 12.0
 # Share of the mean square force that may be in phase with the torsion: vibration along one axis with unknown phase.
 RECTIFIED = 0.5
+# Smallest ratio of the squared sum of recent corrections to its scaled variance that is not chance (2 sigma).
+CHANCE = 4.0
 BAND = 4.0  # weight of the middle of the filter's band, equations (8) and (10)
 USUAL_TIME = 10.0  # averaging time of the usual innovation, s
 ROTATING = 1.5  # mean rate about the axis at which errors fixed in the tool have half of their full weight, rad/s
@@ -65,9 +68,7 @@ def follow_corrections(s: BoundedRecord, turn: float, along: float, across: floa
     dx, dy = hole_direction(s)
     tilt, aside = tilts(s)
     if s.clipping.sign == 0.0:
-        # Ignore the inclination while it is hardly corrected after clipping, when its covariance was set aside.
-        if along - tilt > SHARE_AFTER_CLIP * turn or not s.clipping.seen:
-            _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt / turn, dy, -dx)
+        _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt / turn, dy, -dx)
         _follow(s, found.across, max(across - aside, LEAST_CORRECTION * turn), aside / turn, dx, dy)
     # Noise found from differences of neighbouring samples is complete, so the scale is at least the share of this
     # noise. Small corrections during such noise must not lower the scale for the time after the noise.
@@ -80,7 +81,7 @@ def follow_corrections(s: BoundedRecord, turn: float, along: float, across: floa
 @compiled
 def _follow(s: BoundedRecord, found: CovarianceScale, expected: float, updates: float, nx: float, ny: float) -> None:
     """
-    Update the power of the corrections about the level axis (nx, ny), equation (8).
+    Update the power of the corrections about the level axis (nx, ny), equation (8), and their recent sum, eq. (20).
 
     expected: expected variance of a correction, rad^2; updates: time constant of the filter, in updates.
     """
@@ -89,6 +90,7 @@ def _follow(s: BoundedRecord, found: CovarianceScale, expected: float, updates: 
     share, unit = min(T / own, 1.0), 1.0 / math.sqrt(expected)
     low = found.low
     for j in range(2):
+        found.moved[j] += s.correction[TILT + j] - share * found.moved[j]
         value = s.correction[TILT + j] * unit
         for m in range(3):
             low[m, j] += share * (value - low[m, j])
@@ -98,6 +100,9 @@ def _follow(s: BoundedRecord, found: CovarianceScale, expected: float, updates: 
     power = (mean * mean + BAND * band * band) / share
     memory = min(SCALE_TIME + SCALE_OWN * own, SCALE_YOUNG + (s.settled / SCALE_SETTLED) ** 2)
     found.power += T / memory * (power - found.power)
+    found.expected += expected - share * (2.0 - share) * found.expected
+    square = (nx * found.moved[0] + ny * found.moved[1]) ** 2
+    found.event = max(square - CHANCE * found.power * found.expected, (1.0 - share) * found.event)
 
 
 @compiled
@@ -183,10 +188,10 @@ def _doubt(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
 def publish(p: BoundedParams, s: BoundedRecord) -> None:
     """Set the sigmas of inclination and toolface, equation (9), rad, at most pi; valid until the next update."""
     tilt, aside = tilts(s)
-    along, across = s.innovations.along.power, s.innovations.across.power
+    along, across = s.innovations.along, s.innovations.across
     floor_along, floor_aside = floors(p, s)
     doubt_along, doubt_aside = _doubt(p, s)
-    floor_along, floor_aside = floor_along + doubt_along, floor_aside + doubt_aside
-    s.sigma_inclination = min(math.pi, math.sqrt(max(along * (tilt + s.clipping.tilt), 0.0) + floor_along))
+    floor_along, floor_aside = floor_along + doubt_along + along.event, floor_aside + doubt_aside + across.event
+    s.sigma_inclination = min(math.pi, math.sqrt(max(along.power * (tilt + s.clipping.tilt), 0.0) + floor_along))
     sine2 = max(s.C[0, 0] ** 2 + s.C[1, 0] ** 2, 1e-6)
-    s.sigma_toolface = min(math.pi, math.sqrt((max(across * aside, 0.0) + floor_aside) / sine2))
+    s.sigma_toolface = min(math.pi, math.sqrt((max(across.power * aside, 0.0) + floor_aside) / sine2))

@@ -100,6 +100,12 @@ class CovarianceScale:
     """Corrections over their expected sigma, low-passed one to three times with the filter's own time constant."""
     power: float
     """Power of the corrections by equation (8); it is the scale, and its expected value is 1."""
+    moved: Annotated[Array, 2]
+    """Sum of the corrections about level x and y, with the memory of the filter, rad."""
+    expected: float
+    """Variance of `moved` in the direction of the scale if the covariance is right, rad^2."""
+    event: float
+    """Variance of the tilt by which recent corrections exceed chance, equation (20), rad^2."""
 
 
 class Innovations:
@@ -378,10 +384,13 @@ def forget(p: BoundedParams, s: BoundedRecord) -> None:
 
 @compiled
 def forget_innovations(s: BoundedRecord) -> None:
-    """Discard the last innovations, because the state was just corrected for the jump that they showed."""
+    """Discard the last innovations and corrections, because the state was just corrected for the jump in them."""
     s.innovations.slow[:] = 0.0
     s.surprise = 0.0
     s.recent.length = 0
+    for found in (s.innovations.along, s.innovations.across):
+        found.moved[:] = 0.0
+        found.expected = 0.0
 
 
 @compiled

@@ -93,7 +93,7 @@ def test_a_string_that_starts_and_stops_is_not_taken_for_a_step(motion, seed):
 
 @pytest.mark.parametrize("lasts", [0.5, 1.0, 1.6, 2.0])
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_string_that_takes_seconds_to_start_along_a_horizontal_hole_is_not_taken_for_a_step(lasts, seed):
+def test_a_string_that_takes_seconds_to_start_along_a_horizontal_hole_is_no_step_and_within_sigma(lasts, seed):
     t, speed = np.arange(4500) / 100.0, 0.5
     down = np.broadcast_to(np.array([0.03, 0.6, np.sqrt(1.0 - 0.36 - 0.0009)]), (len(t), 3))
     rng = np.random.default_rng(seed)
@@ -103,6 +103,8 @@ def test_a_string_that_takes_seconds_to_start_along_a_horizontal_hole_is_not_tak
     gyro = 0.001 * rng.standard_normal((len(t), 3)) + 0.001
     got = bounded.run(P, bounded.initial(P), (t * 1e9).astype(np.int64), gyro, accel)
     assert not got.gyro_step.any()
+    # The first half second of motion is hidden. Without equation (20), up to 14 % of the samples are beyond 3 sigma.
+    assert beyond_three_sigma(got.part(t > 10.0), down[t > 10.0]) < 0.08
 
 
 @pytest.mark.slow(15)
