@@ -87,7 +87,7 @@ class SurveyBook:
     ) -> None:
         self.depth = DepthTrack(depth)
         self.surveys = surveys
-        self.logs = DepthLog(surveys.well.sensor_offset, log_step, history=depth.history)
+        self.logs = DepthLog(surveys.well.sensor_offset, log_step, history=depth.history, rules=depth)
         self.health = HealthLedger()
         self.journal: LogJournal | None = None
         self._clock, self._live, self._alarm_log, self._outlet = (

@@ -13,12 +13,14 @@ from __future__ import annotations
 
 import array
 import bisect
+import collections
 import dataclasses
 import heapq
 import itertools
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +28,7 @@ from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.log_channels import FLAGS, LogSample, is_channel_name
 from mwd_surface.list_files.list_checks import DEEPEST as DEEPEST_M
-from mwd_surface.surveys.depth import DepthRules
+from mwd_surface.surveys.depth import DepthJumpRules
 
 FIRST, DEEPEST, ALL = "first", "deepest", "all"
 PASSES = (FIRST, DEEPEST, ALL)
@@ -47,7 +49,7 @@ _UNIT = re.compile(r"[A-Za-z0-9/^*%.° -]{0,16}")
 # are kept for this: three days with four channels that send a sample every 10 s.
 _LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 100_000
 _SILENT_NS = 120 * NANOSECONDS  # time without a sample after which a channel has stopped, ns; a link may need a minute
-_RULES = DepthRules()
+_MOST_LEFT = 8  # largest number of earlier depths to which the depth of the rig may return
 _MOST_WAITING = 20_000  # largest number of samples that wait for a depth: half a day with four channels as above
 
 
@@ -196,6 +198,19 @@ class _DepthChannel:
         self.passes = {name: _Sums(self.sectors) for name in PASSES}
 
 
+class _LeftDepth(NamedTuple):
+    """The last depth of the bit before a step, m, its time, ns, and the bottom of the hole at that time, m."""
+
+    stamp_ns: int
+    bit_depth: float
+    bottom: float
+
+    def reaches(self, rules: DepthJumpRules, stamp_ns: int, bit_depth: float) -> bool:
+        """Return whether a string can move from this depth to another one until a time."""
+        seconds = abs(stamp_ns - self.stamp_ns) / NANOSECONDS
+        return abs(bit_depth - self.bit_depth) <= rules.slack + rules.fastest * seconds
+
+
 class DepthLog:
     """
     Log samples of one well, merged by depth.
@@ -209,6 +224,8 @@ class DepthLog:
     history : int or None
         Number of bit depths that are kept, one per second; None keeps all. After the first depths were dropped, a late
         sample is placed as it arrives, and the other samples are not placed again.
+    rules : DepthJumpRules, optional
+        Steps of the depth that a string can make.
 
     Attributes
     ----------
@@ -227,9 +244,16 @@ class DepthLog:
         The step is not positive.
     """
 
-    def __init__(self, sensor_to_bit: float = 0.0, step_m: float = STEP_M, history: int | None = None) -> None:
+    def __init__(
+        self,
+        sensor_to_bit: float = 0.0,
+        step_m: float = STEP_M,
+        history: int | None = None,
+        rules: DepthJumpRules | None = None,
+    ) -> None:
         if not step_m > 0.0:
             raise ValueError(f"step_m: must be above 0 m, got {step_m!r}")
+        self._rules = rules or DepthJumpRules()
         self.sensor_to_bit, self.step_m = sensor_to_bit, step_m
         self.version = 0
         self._history = history
@@ -237,7 +261,9 @@ class DepthLog:
         self._stamps = array.array("q")
         self._bits = array.array("d")
         self._bottoms = array.array("d")
-        self._bottom = self._before_step = -math.inf  # and the deepest depth before the last step down, m
+        self._bottom = -math.inf
+        # Last depth before each step that no string can make, while the depths before the step may come back.
+        self._left: collections.deque[_LeftDepth] = collections.deque(maxlen=_MOST_LEFT)
         self.unusable: dict[str, int] = {}
         self._units: dict[str, str] = {}
         self.disordered = 0
@@ -278,15 +304,9 @@ class DepthLog:
             for column in (self._stamps, self._bits, self._bottoms):
                 del column[at:]
             self._bottom = self._bottoms[-1] if at else -math.inf
-        seconds, step = (
-            (abs(stamp_ns - self._stamps[-1]) / NANOSECONDS, bit_depth - self._bits[-1]) if self._stamps else (0.0, 0.0)
-        )
-        if abs(step) > _RULES.slack + _RULES.fastest * seconds:
-            # The string cannot move that far. After a step up, the depths since the last step down were wrong, or all.
-            if step > 0.0:
-                self._before_step = self._bottom
-            else:
-                self._bottom, self._before_step = self._before_step, -math.inf
+            while self._left and self._left[-1].stamp_ns >= stamp_ns:
+                self._left.pop()
+        self._follow_step(stamp_ns, bit_depth)
         self._bottom = max(self._bottom, bit_depth)
         if not self._stamps or stamp_ns - self._stamps[-1] >= _DEPTHS_NS:
             self._stamps.append(stamp_ns)
@@ -296,6 +316,30 @@ class DepthLog:
             for column in (self._stamps, self._bits, self._bottoms):
                 del column[: max(1, self._history // 4)]
             self._placed = None
+
+    def _follow_step(self, stamp_ns: int, bit_depth: float) -> None:
+        """
+        Let the bottom of the hole follow a step of the depth, m, that no string can make.
+
+        If the depth returns to the depths before an earlier step, the depths in between were wrong, and the bottom is
+        the one before that step. Otherwise the depths are counted from another zero, and the bottom makes the step too.
+        """
+        if not self._stamps:
+            return
+        here = _LeftDepth(self._stamps[-1], self._bits[-1], self._bottom)
+        if here.reaches(self._rules, stamp_ns, bit_depth):
+            return
+        step = bit_depth - here.bit_depth
+        for k in reversed(range(len(self._left))):
+            left = self._left[k]
+            near = abs(bit_depth - left.bit_depth) < 0.5 * abs(step)
+            if near and left.reaches(self._rules, stamp_ns, bit_depth):
+                self._bottom = left.bottom
+                while len(self._left) > k:
+                    self._left.pop()
+                return
+        self._left.append(here)
+        self._bottom += step
 
     def add(self, samples: Iterable[LogSample]) -> list[LogSample]:
         """Add samples, and return the valid ones; a sample that ends after the newest bit depth waits for a depth."""

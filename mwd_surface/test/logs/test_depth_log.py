@@ -575,3 +575,21 @@ def test_a_wrong_depth_of_the_rig_stops_no_pass_after_it_has_ended(step_m, lasts
         end = depth_of(1790) - OFFSET
         late = depth[(depth > end - 8.0) & (depth <= end)]
         assert len(late) >= 75, which
+
+
+@pytest.mark.fault_case(74)
+@pytest.mark.parametrize("wrong_m", [[0.0], [4000.0], [4000.0, 0.0], [0.0, 0.0, 7000.0]])
+@pytest.mark.parametrize("lasts_s", [1, 30])
+def test_wrong_depths_off_bottom_do_not_move_the_bottom_of_the_hole(wrong_m, lasts_s):
+    """A hole is drilled to 1006 m, pulled to 956 m, and logged there again, while the rig sends wrong depths."""
+
+    def depth_of(at):
+        depth = 1000.0 + 0.01 * min(at, 600) - min(max(at - 600, 0), 50)
+        part, within = divmod(at - 700, 2 * lasts_s)
+        return wrong_m[part] if 0 <= part < len(wrong_m) and within < lasts_s else depth
+
+    log = drilled(depth_of, 1200, values=lambda at: 80.0 if at < 700 else 500.0)
+    for which in (FIRST, DEEPEST):
+        curve = log.curve("gamma", which)
+        at_956 = np.abs(curve.depth - (956.0 - OFFSET)) < 1.0
+        assert not np.nanmax(curve.value[at_956], initial=0.0) > 80.0, which
