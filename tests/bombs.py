@@ -27,7 +27,7 @@ from rosbags.rosbag2 import Writer as Rosbag2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from mwd_surface.bags.mcap.records import MAGIC, RECORD_HEAD, ChunkHead
-from mwd_surface.bags.mcap.writer import chunk_prefix
+from mwd_surface.bags.mcap.writer import chunk_prefix, packed
 
 GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
 MANY = 64 * 2**20
@@ -66,8 +66,8 @@ def deep(path: Path) -> None:
 def _chunks(path: Path, count: int) -> None:
     """MCAP of chunks that unpack to 64 MiB each."""
     plain = RECORD_HEAD.pack(0x80, MANY - 9) + bytes(MANY - 9)
-    packed = zstandard.ZstdCompressor(level=1).compress(plain)
-    chunk = chunk_prefix(ChunkHead(1, 2, len(plain), 0, "zstd", len(packed), 0)) + packed
+    data = zstandard.ZstdCompressor(level=1).compress(plain)
+    chunk = chunk_prefix(ChunkHead(1, 2, len(plain), 0, "zstd", len(data), 0)) + data
     channel = packed(Channel(1, "/a", "cdr", {}, schema_id=0))
     path.write_bytes(MAGIC + packed(Header("ros2", "x")) + channel + chunk * count)
 
@@ -80,8 +80,8 @@ def mcap_of_zeros(path: Path) -> None:
 def mcap_of_records(path: Path) -> None:
     """MCAP whose one chunk holds seven million records of no bytes."""
     plain = RECORD_HEAD.pack(0x80, 0) * (MANY // 9)
-    packed = zstandard.ZstdCompressor(level=1).compress(plain)
-    chunk = chunk_prefix(ChunkHead(1, 2, len(plain), 0, "zstd", len(packed), 0)) + packed
+    data = zstandard.ZstdCompressor(level=1).compress(plain)
+    chunk = chunk_prefix(ChunkHead(1, 2, len(plain), 0, "zstd", len(data), 0)) + data
     path.write_bytes(MAGIC + packed(Header("ros2", "x")) + chunk)
 
 

@@ -19,7 +19,7 @@ class Backoff:
         "multiplied by a random factor of 0.5 to 1.",
         unit="s",
         low=0.01,
-        high=60.0,
+        high=600.0,
     )
     longest: float = setting(
         30.0,
@@ -27,7 +27,7 @@ class Backoff:
         "found later.",
         unit="s",
         low=0.01,
-        high=600.0,
+        high=3600.0,
     )
 
     def wait(self, failures: int) -> float:
