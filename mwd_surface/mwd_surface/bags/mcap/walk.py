@@ -8,15 +8,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from mwd_sensors.core import budgets
 from mwd_sensors.core.arrays import Bytes
 from mwd_sensors.core.compiled import compiled
-from mwd_surface.bags.mcap.records import MESSAGE_FIELDS, PREFIX, RECORD_HEAD, FormatError
-
-_HEAD = np.dtype(MESSAGE_FIELDS)
+from mwd_surface.bags.mcap.records import PREFIX, RECORD_HEAD, FormatError
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,21 +57,58 @@ class Walk:
 
 
 @compiled
-def _find(data: Any, starts: Any) -> tuple[int, int]:
-    """Store the positions of the first records; return the number of all records, and the position after the last."""
-    at: Any = 0
-    count = 0
-    while at + 9 <= len(data):
-        length: Any = np.int64(0)
-        for k in range(8):
-            length |= np.int64(data[at + 1 + k]) << np.int64(8 * k)
-        if length < 0 or length > len(data) - at - 9:
+def _number(data: Any, at: int) -> int:
+    value = np.int64(0)
+    for k in range(8):
+        value |= np.int64(data[at + k]) << np.int64(8 * k)
+    return value  # type: ignore[return-value]
+
+
+@compiled
+def _walk(  # a single flat loop for speed: its body runs for every message of a bag
+    data: Any, offset: Any, size: Any, channel: Any, log_ns: Any, publish_ns: Any, others: Any
+) -> tuple[int, int, int]:
+    at, count, other = 0, 0, 0
+    end = len(data)
+    while at + 9 <= end:
+        length = _number(data, at + 1)
+        if length < 0 or length > end - at - 9:
             break
-        if count < len(starts):
-            starts[count] = at
-        count += 1
+        if data[at] == 5:
+            if length < 22:
+                break
+            if count == len(channel):
+                break
+            channel[count] = np.uint16(data[at + 9]) | (np.uint16(data[at + 10]) << np.uint16(8))
+            log_ns[count] = _number(data, at + 15)
+            publish_ns[count] = _number(data, at + 23)
+            offset[count] = at + 31
+            size[count] = length - 22
+            count += 1
+        else:
+            if other == len(others):
+                break
+            others[other] = at
+            other += 1
         at += 9 + length
-    return count, at
+    return count, other, at
+
+
+@compiled
+def _count(data: Any) -> tuple[int, int]:
+    """Return the number of messages and of other records, so that arrays of the exact size can be allocated."""
+    at, count, other = 0, 0, 0
+    end = len(data)
+    while at + 9 <= end:
+        length = _number(data, at + 1)
+        if length < 0 or length > end - at - 9:
+            break
+        if data[at] == 5:
+            count += 1
+        else:
+            other += 1
+        at += 9 + length
+    return count, other
 
 
 def walk_records(data: Bytes) -> Walk:
@@ -84,23 +118,12 @@ def walk_records(data: Bytes) -> Walk:
     The walk stops at the first record that does not fit into the array, at a message shorter than its head, or when the
     records that are not messages exceed their budget; it never raises an error.
     """
-    n, end = _find(data, np.empty(0, dtype=np.int64))
-    starts = np.empty(n, dtype=np.int64)
-    _find(data, starts)
-    size = np.diff(starts, append=end) - _HEAD.itemsize
-    is_message = data[starts] == Opcode.MESSAGE
-    others = np.flatnonzero(~is_message)
-    stops = (np.flatnonzero(is_message & (size < 0)), others[budgets.MCAP.records or n :])
-    stop = min([n, *(int(one[0]) for one in stops if len(one))])
-    if stop < n:
-        end = int(starts[stop])
-        starts, size, is_message = starts[:stop], size[:stop], is_message[:stop]
-    offset = starts[is_message]
-    # View the data as the head of a message at every byte; copy the fields at the messages.
-    head = np.ndarray(max(len(data) - _HEAD.itemsize + 1, 0), _HEAD, data, strides=(1,))
-    channel = head["channel"][offset]
-    log_ns, publish_ns = (head[name][offset].view(np.int64) for name in ("log_ns", "publish_ns"))
-    walk = Walk(offset + _HEAD.itemsize, size[is_message], channel, log_ns, publish_ns, starts[~is_message], end)
+    n, m = _count(data)
+    offset, size, log_ns, publish_ns = (np.empty(n, dtype=np.int64) for _ in range(4))
+    channel = np.empty(n, dtype=np.uint16)
+    others = np.empty(min(m, budgets.MCAP.records or m), dtype=np.int64)
+    n, m, end = _walk(data, offset, size, channel, log_ns, publish_ns, others)
+    walk = Walk(offset[:n], size[:n], channel[:n], log_ns[:n], publish_ns[:n], others[:m], end)
     # Leave out messages with an impossible (negative) log time: one flipped bit must not lose the other messages.
     possible = walk.log_ns >= 0
     if possible.all():
