@@ -30,6 +30,8 @@ class DiagnosticsMonitor:
     ----------
     full_name : str
         Full name of the surface node, with the namespace of the well.
+    link : str
+        Link that the surface follows, `best` for all, `direct` for none (`link.source`).
 
     Attributes
     ----------
@@ -42,10 +44,11 @@ class DiagnosticsMonitor:
         Name of the node that has reported the end, without its namespace; empty without a report.
     """
 
-    def __init__(self, context: WellContext, full_name: str) -> None:
+    def __init__(self, context: WellContext, full_name: str, link: str = "direct") -> None:
         self.reference: ReferenceFieldState | None = None
         self.over_at: float | None = None
         self.over_by = ""
+        self._link = link
         self._own_name, self._namespace = full_name, full_name.rpartition("/")[0] or "/"
         self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
         self._well = Well()
@@ -155,14 +158,17 @@ class DiagnosticsMonitor:
             for status in found:
                 level, what = _level(status), status.name.partition(": ")[2]
                 alarming = level == _ERROR or (level == _WARN and what.startswith("sensors"))
-                # Errors of this node raise alarms where they occur, except those of the middleware. The state of a
-                # link raises its alarm in `LinkMonitor`.
+                # Errors of this node raise alarms where they occur, except those of the middleware.
                 own = node == self._own_name and not what.startswith("middleware")
-                is_link = what.partition(" ")[0] == "link"
-                if alarming and not own and not is_link and f"input.{what}" not in _SUPERVISED:
+                if alarming and not own and not self._follows(what) and f"input.{what}" not in _SUPERVISED:
                     severity = Severity.CRITICAL if level == _ERROR else Severity.WARNING
                     causes[f"node.{node.strip('/')}.{what}"] = (severity, status.message, _remedy(status))
         return causes
+
+    def _follows(self, what: str) -> bool:
+        """Return whether a diagnostic is the state of a link that `LinkMonitor` follows and raises alarms for."""
+        kind, _, name = what.partition(" ")
+        return kind == "link" and self._link != "direct" and (not name or self._link in ("best", name))
 
 
 def _number(text: str | None) -> float | None:

@@ -151,7 +151,7 @@ class LiveWell:
         self.inputs = InputMonitor(context, self.decoder.rig_sources, link=over_link)
         self.live.moment = self.inputs.measured_at
         self.slides = SlideRecorder(context, settings.slides, stretches)
-        self.diagnostics = DiagnosticsMonitor(context, full_name)
+        self.diagnostics = DiagnosticsMonitor(context, full_name, settings.link.source)
         self._supervision = SupervisionMonitor(context)
         self._link = LinkMonitor(context, settings.link.source, on_gauge=self.inputs.on_gauge)
         self.logs = LogMonitor(context, book, settings.link.source)

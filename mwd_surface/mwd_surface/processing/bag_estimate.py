@@ -570,16 +570,26 @@ def behind(work: Callable[[T], None], depth: int = _DEPTH) -> Iterator[Callable[
     Yield a function that passes an item to a thread, which calls `work` with each item in order.
 
     The function waits while `depth` items wait already. An exception of `work` is raised by a later call or at the end
-    of the block. If the block ends normally, all items have been processed; if the block raises an exception, waiting
-    items are dropped.
+    of the block. If the block ends normally, all items have been processed; if `work` or the block raises an exception,
+    waiting items are dropped.
     """
+    failed = False
+
+    def worked(item: T) -> None:
+        nonlocal failed
+        if failed:
+            return
+        failed = True
+        work(item)
+        failed = False
+
     with ThreadPoolExecutor(1, "behind") as thread:
         waiting: collections.deque[Future[None]] = collections.deque()
 
         def give(item: T) -> None:
             while waiting and (len(waiting) > depth or waiting[0].done()):
                 waiting.popleft().result()
-            waiting.append(thread.submit(work, item))
+            waiting.append(thread.submit(worked, item))
 
         try:
             yield give

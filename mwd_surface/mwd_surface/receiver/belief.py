@@ -165,7 +165,7 @@ class Doubt:
 
 def _sync_evidence(size: float, sigma: float) -> float:
     """Return the log likelihood ratio of a second tool by the size of a sync; arguments as in `Doubt.hear_sync`."""
-    if not math.isfinite(sigma):
+    if not (math.isfinite(size) and math.isfinite(sigma)):
         return 0.0
     spread = math.sqrt(2.0 * (sigma**2 + _SIZE_CHANGES**2))
     low, high = (math.erf((size - edge) / spread) for edge in _SYNC_SIZES)

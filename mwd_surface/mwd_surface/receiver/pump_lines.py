@@ -68,11 +68,11 @@ def line_frequencies(
     """
     # The first difference removes the slope of 1/f noise, so that the noise floor is flat.
     step = np.diff(noise)
-    whole = scipy.fft.next_fast_len(len(step), real=True)
-    power = np.abs(np.fft.rfft((step - step.mean()) * _window(len(step)), whole)) ** 2
-    count = len(power) // _NEIGHBOURHOOD
+    whole = scipy.fft.next_fast_len(max(len(step), 1), real=True)
+    count = (whole // 2 + 1) // _NEIGHBOURHOOD
     if count < 3:
         return np.zeros(0)
+    power = np.abs(np.fft.rfft((step - step.mean()) * _window(len(step)), whole)) ** 2
     floors = np.median(power[: count * _NEIGHBOURHOOD].reshape(count, _NEIGHBOURHOOD), axis=1)
     at = (np.arange(count) + 0.5) * _NEIGHBOURHOOD
     floor = np.interp(np.arange(len(power)), at, floors)

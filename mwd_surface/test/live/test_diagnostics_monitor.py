@@ -17,8 +17,8 @@ from mwd_surface.live.well_state import WellState
 FIELD = {"total": "5.1e-05", "dip": "1.2", "declination": "0.05", "convergence": "0.0", "gravity": "9.81"}
 
 
-def monitor():
-    """A monitor, and what it shows of fields and progress."""
+def monitor(link="direct"):
+    """A monitor of a surface that follows a link, and what it shows of fields and progress."""
     fields, progress = [], []
 
     def show(_now, **parts):
@@ -27,7 +27,7 @@ def monitor():
 
     live = SimpleNamespace(parts=WellState(over_link=False), show=show)
     context = SimpleNamespace(clock=WellClock(10**18), live=live, alarm_log=None)
-    return DiagnosticsMonitor(context, "/w/surface"), fields, progress
+    return DiagnosticsMonitor(context, "/w/surface", link), fields, progress
 
 
 def said(name, **values):
@@ -77,14 +77,22 @@ def test_the_end_of_a_simulation_lasts_until_its_node_begins_anew():
     assert found.over_at is None
 
 
-def test_the_state_of_a_link_raises_no_second_alarm_and_a_failing_line_raises_one():
+@pytest.mark.parametrize(
+    ("followed", "alarming"),
+    [
+        ("direct", {"link", "link em", "link mud_pulse"}),
+        ("mud_pulse", {"link em"}),
+        ("best", set()),
+    ],
+)
+def test_a_link_raises_one_alarm_here_or_where_the_surface_follows_it(followed, alarming):
     raised = {}
-    found, _, _ = monitor()
+    found, _, _ = monitor(followed)
     found._alarm_log = SimpleNamespace(set_alarms=lambda _prefix, causes: raised.update(causes))
-    for name in ("link", "link em", "serial line"):
+    for name in ("link", "link em", "link mud_pulse", "serial line"):
         status = DiagnosticStatus(
             name=f"/w/receiver: {name}", hardware_id="/w", level=DiagnosticStatus.ERROR, message="no"
         )
         found.on_diagnostics(DiagnosticArray(status=[status]))
         found.update(found._clock.now)
-        assert set(raised) == ({"node.w/receiver.serial line"} if name == "serial line" else set())
+    assert set(raised) == {f"node.w/receiver.{name}" for name in {*alarming, "serial line"}}

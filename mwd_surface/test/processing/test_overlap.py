@@ -94,6 +94,24 @@ def test_a_failure_behind_is_raised_at_a_later_call_or_at_the_end():
     assert not _threads()
 
 
+def test_nothing_is_worked_on_after_a_failure_behind():
+    done = []
+
+    def work(item):
+        done.append(item)
+        if item == 1:
+            raise OSError("the disk is full")
+
+    def four():
+        with behind(work) as give:
+            for k in range(4):
+                give(k)
+
+    with pytest.raises(OSError, match="the disk is full"):
+        four()
+    assert done == [0, 1]
+
+
 def test_what_waits_is_dropped_when_the_block_fails():
     begun, go, done = threading.Event(), threading.Event(), []
 

@@ -339,7 +339,9 @@ class Session:
 
     def _record_events(self) -> None:
         while self._waiting:
-            self._record_event(self._waiting.popleft())
+            # An event whose writing fails stays for the next file.
+            self._record_event(self._waiting[0])
+            self._waiting.popleft()
 
     def _record_event(self, event: RecorderEvent) -> None:
         self._definitions.load(EVENT_TYPE)

@@ -275,7 +275,7 @@ def answer_texts(answer: bytes) -> dict[str, str]:
         raise ValueError(f"the answer is not XML: {error}") from error
     if root.getroottree().docinfo.doctype:
         raise ValueError("the answer declares a document type")
-    return {etree.QName(one).localname: one.text or "" for one in root.iter(etree.Element)}
+    return {etree.QName(one).localname: "".join(one.xpath("text()")) for one in root.iter(etree.Element)}
 
 
 def _uid(document: str) -> str:
