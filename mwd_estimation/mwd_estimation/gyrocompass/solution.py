@@ -26,7 +26,7 @@ class Solution:
     toolface: float = math.nan
     elapsed: float = 0.0  #: duration of the used data, s
     limit: float = math.nan  #: 1 sigma of an ideal estimator for this gyro noise, time, latitude and geometry, rad
-    #: Azimuths and sigmas, rad, one of which is right, if the result is refused because several azimuths fit.
+    #: Possible azimuths with their sigmas, rad, if the result is refused because several azimuths fit; one is right.
     choices: tuple[tuple[float, float], ...] = ()
     began_ns: int | None = None  #: stamp at which the seek of a station began, ns; surveys of one seek share it
 

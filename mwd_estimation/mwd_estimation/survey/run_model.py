@@ -107,7 +107,8 @@ class RunModel:
         self._told: dict[str, Across] = {}
         # Time of the last station, h, and cumulative hazard of a change of the string up to it.
         self._reached = math.nan, 0.0
-        # Time at which the last station or its seek began, h, and age of the gyro then, h; None before the first seek.
+        # Time at which the last station (or its seek) began, h, and time since the first seek then, h; None before the
+        # first seek.
         self._aged: tuple[float, float] | None = None
 
     def copy(self) -> RunModel:

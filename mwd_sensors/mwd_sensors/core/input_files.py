@@ -180,7 +180,8 @@ def load_json(
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     budget.check("size", len(data))
     if budget.nesting is not None and _brackets(data) > budget.nesting:
-        # Brackets inside strings do not count; the strings are removed only if the fast count is above the limit.
+        # `_brackets` also counts brackets inside strings. Only if this depth is above the limit, repeat the slow way:
+        # remove the strings first.
         budget.check("nesting", _brackets(_TEXT.sub(b"", data)))
     try:
         return json.loads(text, parse_constant=parse_constant)
@@ -216,7 +217,7 @@ def load_yaml(text: str) -> Any:
     try:
         return yaml.load(text, _Loader)  # noqa: S506  (safe, and in C where built)
     except (ValueError, OverflowError) as error:
-        # A tag such as !!int requests a conversion of any text, and Python refuses some of them.
+        # A tag such as !!int requests a conversion, which fails if the text is not a number.
         raise yaml.YAMLError("a value does not fit its notation or tag") from error
 
 

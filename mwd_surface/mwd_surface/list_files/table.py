@@ -377,7 +377,7 @@ def _with_above(grid: Sequence[Row], k: int, count: int, is_header: Header) -> t
 
 
 def _stacked(rows: Sequence[Row]) -> list[str]:
-    """Return the column names that stand in several rows, joined column by column."""
+    """Return the column names, joined from several header rows column by column."""
     width = max(len(row.cells) for row in rows)
     parts = ([str(row.cells[k]) for row in rows if k < len(row.cells)] for k in range(width))
     return [" ".join(part for part in column if part.strip() and not _RULE.match(part)).strip() for column in parts]
@@ -387,9 +387,10 @@ def _spaced(
     lines: Sequence[tuple[int, str]], name: str, is_header: Header
 ) -> tuple[list[Row], tuple[int, int], list[str]] | None:
     """
-    Split rows at spaces if column names have several words; each word belongs to the column below it.
+    Split rows at spaces; assign each word of the header to the column below it, so that a name may have several words.
 
-    Return the rows, the index and number of the rows of names, and the names; None if there are no names.
+    Return the rows, the index of the first header row, the number of header rows, and the names; None if no header is
+    found.
     """
     tokens = [list(re.finditer(r"\S+", line)) for _, line in lines]
     grid = [

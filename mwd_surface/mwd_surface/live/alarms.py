@@ -102,7 +102,7 @@ class AlarmLog:
         self._alarms: dict[str, Alarm] = {}
         self._events: deque[Event] = deque(maxlen=max_events)
         self._max_alarms = max_alarms
-        #: Changes whenever alarms or events change.
+        #: Number that changes with every change of the alarms or events.
         self.version = 0
         #: Number of events logged so far.
         self.logged = 0

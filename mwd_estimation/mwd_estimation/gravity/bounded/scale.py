@@ -143,7 +143,11 @@ def _heading_rate(s: BoundedRecord) -> float:
 
 @compiled
 def floors(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
-    """Return the variances of inclination and of tilt across the hole that no innovation shows, rad^2, eq. (11)."""
+    """
+    Return the variances of inclination and of tilt across the hole due to errors that cause no innovation, rad^2.
+
+    The variances are those of equation (11).
+    """
     C, turn2 = s.C, s.turning**2
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     upright2 = min(C[2, 0] ** 2, 1.0)

@@ -92,7 +92,7 @@ class Predicted(CircleEvidence):
 
 
 class RunFilter:
-    """Parallel filters of the errors that the stations of one tool in one assembly share."""
+    """Parallel filters that estimate the errors common to all stations of one tool in one assembly."""
 
     def __init__(self, priors: Priors, sigmas: Sigmas) -> None:
         self.priors, self.sigma, self._own = priors, sigmas.shared, sigmas.own
@@ -104,7 +104,7 @@ class RunFilter:
         self.state = RunState(np.zeros((k, SIZE)), covariance, np.log(np.maximum(self.filters.weight, 1e-300)))
 
     def expect_gyro(self) -> None:
-        """At the first seek of a gyro, double each filter: in the second copy the azimuth error of the gyro drifts."""
+        """At the first seek of a gyro, copy each filter; in the copy the azimuth error of the gyro drifts."""
         if not self.filters.adrift.any():
             self.filters = self.filters.with_gyro()
 

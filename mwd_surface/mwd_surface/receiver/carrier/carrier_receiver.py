@@ -275,7 +275,7 @@ class CarrierReceiver(SampledReceiver):
                 return
             self._missed(done, lock, decision)
             return
-        # Average the clock over many blocks; the first block gives the first estimate.
+        # Average the symbol length over the blocks since the lock, or with a weight of 0.2 for each new block.
         gain = max(1.0 / (lock.blocks + 1), 0.2)
         lock.symbol += gain * (found - lock.symbol)
         lock.start = middle - self._half * lock.symbol

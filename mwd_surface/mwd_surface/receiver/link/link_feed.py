@@ -259,7 +259,7 @@ class FollowingLink:
         return self._kept
 
     def take_strokes(self, pump: int, time_s: Array) -> None:
-        """Add the counted strokes of a pump to the link in force and to the link of an awaited configuration."""
+        """Add counted strokes of a pump to the present link and, if a new configuration is awaited, to its link."""
         for link in (self.link, self._next):
             if link is not None:
                 link.take_strokes(pump, time_s)

@@ -22,9 +22,9 @@ from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.pulse.pulse_widths import WIDTHS_S
 from mwd_surface.receiver.words import BELIEVED, Reception
 
-# Length of recording that is tried from flow-on, s: a survey of 133 s with 0.8 s pulses takes 332 s with 2 s pulses.
+# Duration of pressure that is tried after flow-on, s: a survey of 133 s with 0.8 s pulses takes 332 s with 2 s pulses.
 _TRIED_S = 900.0
-# Pressure before flow-on that is kept, s, so that the receiver sees the flow come on.
+# Duration of pressure that is kept before flow-on, s, so that the receiver can detect flow-on.
 _BEFORE_S = 20.0
 # Lowest score of a sync whose words are tried. If a hundred widths are tried on an hour of noise, one of them reaches
 # this score in about one case of ten.

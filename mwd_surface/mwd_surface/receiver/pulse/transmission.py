@@ -98,7 +98,7 @@ class ReceivedTransmission:
         response[: len(found.response)] = found.response
         whitener = np.zeros(segment.ORDER + 2)
         whitener[: len(found.whitener)] = found.whitener
-        # The search uses fewer components than the estimate: spread the same total variance over more.
+        # The estimate has more components than the search. Distribute the same total variance over them.
         memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
         self.channel = segment.ChannelEstimate(response, found.scale, whitener, basis(len(response), tool.tu_s), memory)
         self._at_once, self.doubt = copy.deepcopy(doubt), doubt
@@ -541,7 +541,7 @@ class ToolClock:
             gain = prior / (prior + variance * overlap)
             error, left = self.error + gain * drift, prior * (1.0 - gain)
         change = error - self.error
-        # The position of the sample `middle` stays.
+        # Change the pace, but keep the position of the sample `middle`.
         return ToolClock(self.start - middle * self.pace * change, self.pace * (1.0 + change), left)
 
 
