@@ -34,7 +34,7 @@ class SagCorrection:
     table: tuple[tuple[float, float], ...] = ()  #: pairs of inclination, rad, increasing, and correction, rad
 
     def at(self, inclination: float) -> float:
-        """Return the correction, rad, at an inclination, rad; outside the table, that of the nearest end."""
+        """Return the correction, rad, at an inclination, rad; outside the table, the correction at the nearest end."""
         if not self.table:
             return self.horizontal * math.sin(inclination)
         inclinations, corrections = zip(*self.table, strict=True)

@@ -38,7 +38,7 @@ class OneFieldStretch(NamedTuple):
     start: int  #: index in the block of the first sample of the stretch
     north: int  #: code of the north reference, as in `core.north.North`
     status: int  #: bits of `Status` that are added to every sample
-    gyro_only: bool  #: omit azimuths that are not propagated by the gyros alone
+    gyro_only: bool  #: whether only azimuths propagated by the gyros alone are written
 
 
 LAST_MAGNETIC = dtype_of(LastMagnetic)

@@ -15,7 +15,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import project_covariance, reset_state, rotate_left, scalar_update
 
-# Number of blocks from which the first scatter of the axis is computed.
+# Number of blocks for the initial estimate of the scatter of the hole axis.
 _SETTLE_BLOCKS = 10
 # Largest chi-square of a direction that is used; and number of ignored directions in a row after which the axis has
 # moved.
@@ -70,7 +70,7 @@ def measure(s: SeekState, work: SeekWork) -> None:
         else:
             s.turn_time += t
         s.elapsed += t
-        # The bias, of which the estimate still changes, is added again.
+        # Add the bias again, because its estimate still changes.
         s.down_force += s.sums.force[2]
         for j in range(3):
             s.down_force += s.sums.mat[2, j] * s.force_bias[j]

@@ -17,8 +17,8 @@ class Solution:
     #: Motion of the tool: still, two_position or rotating; s1 for `static_ekf`; the requested mode while the motion is
     #: unknown.
     method: str
-    #: `azimuth`, `sigma`: azimuth of the hole axis from true north and 1 sigma, rad, even of a refused one; NaN before
-    #: the filter runs.
+    #: `azimuth`, `sigma`: azimuth of the hole axis from true north and 1 sigma, rad, even if the azimuth is refused;
+    #: NaN before the filter runs.
     azimuth: float = math.nan
     sigma: float = math.nan
     inclination: float = math.nan  #: inclination of the hole axis from the vertical, rad

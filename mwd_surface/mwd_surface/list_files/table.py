@@ -418,7 +418,8 @@ def _spaced(
         if numeric[line] or ":" in lines[line][1] or (count > 1 and lines[line + 1][0] - lines[line][0] > 1):
             # This line holds numbers, belongs to the head of the list, or follows a gap: it is not part of the names.
             break
-        # Try the line split like the rows, else its words above the columns, joined with those of the lines below.
+        # Read the line in two ways: split at wide spaces, and with each word assigned to the column below it. Join the
+        # result with the names from the lines below.
         text = lines[line][1].strip()
         names = [f"{a} {b}".strip() for a, b in zip(_placed_above(tokens[line], spans), names, strict=True)]
         wide = re.split(r"\s{2,}|\t", text)
@@ -438,7 +439,7 @@ def _spaced(
 
 
 def _aligned(row: Row, words: Sequence[re.Match[str]], spans: Sequence[tuple[int, int]]) -> Row:
-    """Return a short row of numbers with each cell in the column above it; any other row unchanged."""
+    """Return a row of numbers that lacks cells, with each number in the column at its position; others unchanged."""
     if not 1 < len(words) < len(spans) or not all(looks_like_number(word.group()) for word in words):
         return row
     under = [[k for k, span in enumerate(spans) if min(span[1], w.end()) > max(span[0], w.start())] for w in words]
@@ -502,7 +503,7 @@ def _assembled(
             # Skip an empty row or a ruled line.
             continue
         if not rows and is_unit is not None and is_unit([str(cell) for cell in row.cells]):
-            # A second line of this kind may give datum and north.
+            # A line of units; a second such line may give datum and north.
             more = tuple(str(cell) for cell in row.cells[: len(names)]) + ("",) * (len(names) - len(row.cells))
             units = tuple(f"{unit} {word}".strip() for unit, word in zip(units, more, strict=True))
             above.add(_plain(row))

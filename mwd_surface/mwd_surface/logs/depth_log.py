@@ -282,7 +282,8 @@ class DepthLog:
             (abs(stamp_ns - self._stamps[-1]) / NANOSECONDS, bit_depth - self._bits[-1]) if self._stamps else (0.0, 0.0)
         )
         if abs(step) > _RULES.slack + _RULES.fastest * seconds:
-            # The string cannot move that far. After a step up, the depths since the last step down were wrong, or all.
+            # The string cannot move that far. After a step up, the depths since the last step down were wrong; without
+            # a step down, all earlier depths were wrong.
             if step > 0.0:
                 self._before_step = self._bottom
             else:

@@ -33,8 +33,8 @@ _OTHER_CHI2 = float(scipy.stats.chi2.ppf(0.99, 1))
 _UNLIKELY = 1e-3
 # Sigma of the position as a share of the depth, and of the azimuth in rad, above which propagation is not linear.
 _LOOSE = 0.3
-# Smallest singular value of the fit, relative to the largest, for which the readings determine a direction of the
-# unknowns in spite of rounding.
+# A smaller singular value of the fit, relative to the largest, comes from rounding: the readings do not determine this
+# combination of the unknowns.
 _LEAST_WEIGHT = 1e-6
 
 

@@ -70,8 +70,8 @@ def follow_corrections(s: BoundedRecord, turn: float, along: float, across: floa
     if s.clipping.sign == 0.0:
         _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt / turn, dy, -dx)
         _follow(s, found.across, max(across - aside, LEAST_CORRECTION * turn), aside / turn, dx, dy)
-    # Noise found from differences of neighbouring samples is complete, so the scale is at least the share of this
-    # noise. Small corrections during such noise must not lower the scale for the time after the noise.
+    # The noise of aliased vibration is not inflated, so the scale is at least its share, `noise.whole`. Otherwise small
+    # corrections during this noise would lower the scale for the time after the noise.
     whole = noise.whole(s)
     found.along.power, found.across.power = max(found.along.power, whole), max(found.across.power, whole)
     for j in range(2):

@@ -39,7 +39,7 @@ _FLOOR = 1e-3
 # A point whose share is smaller than this fraction of the largest share of its filter does not update the states. The
 # same limit applies to a second filter relative to its first filter.
 _LEAST = 1e-4
-# Lowest probability of a filter on the coarse grid with which the filter is evaluated on the fine grid.
+# A filter with a lower probability on the coarse grid is not evaluated on the fine grid.
 _HOPELESS = 1e-6
 # Probability that an external field at one station is also present at the next station.
 _GOES_ON = 0.5
@@ -49,7 +49,7 @@ _BELIEVED = 20.0
 _NEVER = math.log(1e-300)
 # Probability above which a state of the gyro counts as the state at a station. Later stations use these counts.
 _DECIDED = 0.9
-# States of the string; a changed string has other values of them.
+# Indices of the errors that the string causes; they get new values when the string is changed.
 _STRING = [*range(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3), Shared.FIELD_RATE]
 _REFERENCE = slice(Shared.TOTAL, Shared.OUTSIDE)
 _OUTSIDE = slice(Shared.OUTSIDE, Shared.OUTSIDE + 3)

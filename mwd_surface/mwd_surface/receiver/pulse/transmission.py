@@ -169,7 +169,7 @@ class ReceivedTransmission:
 
     def begins(self) -> float:
         """
-        Return the position of the grid up to which the sync search must have come before the next step.
+        Return the position of the grid that the sync search must have reached before the next step.
 
         Return -inf if the next step does not depend on a sync.
         """
@@ -232,7 +232,7 @@ class ReceivedTransmission:
         now.shown = now.done if confirmed else 0
 
     def taken(self) -> Reception:
-        """Return and remove the words that are ready to be published, with the numbers of their passes among all."""
+        """Return and remove the words that are ready to be published, with the number of the pass of each word."""
         ready, self._pending = self._pending, Reception()
         first = self.base
         return Reception(
@@ -558,7 +558,7 @@ def _from_all(measured: float, variance: float) -> tuple[float, float]:
     return mean, float(weights @ (gains * variance)) + spread
 
 
-# Decision whether pulses are present behind a sync, from the evidence of its last stretches.
+# Decision whether pulses are present after a sync, from the evidence of the last stretches.
 
 
 # Lowest log likelihood ratio of a sync with the words after it. Noise reaches it with a probability below exp(-18) at
