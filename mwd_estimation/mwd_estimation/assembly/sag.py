@@ -55,7 +55,7 @@ def sag(assembly: Assembly, inclination: float, build: float | None = None) -> f
     Returns
     -------
     float
-        Inclination of the hole minus that of the sensors, rad.
+        Inclination of the hole minus inclination of the sensors, rad.
 
     Raises
     ------

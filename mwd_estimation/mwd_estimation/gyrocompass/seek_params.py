@@ -50,8 +50,8 @@ class SeekParams:
     #: a tool that never moves and a gyro with a small bias.
     method: str = SEEK
     latitude_deg: float = 34.0  #: geodetic latitude, north positive, deg; NaN: unknown, so that no seek is possible
-    #: Height above the ellipsoid, m. A seek that measures another gravity than that of latitude and height shows that
-    #: the latitude is wrong.
+    #: Height above the ellipsoid, m. A measured gravity that does not fit latitude and height shows that the latitude
+    #: is wrong.
     height_m: float = 0.0
     #: Motion of the tool during the seek. auto accepts any motion; every other mode refuses a different motion.
     mode: str = "auto"

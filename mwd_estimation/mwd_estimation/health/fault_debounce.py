@@ -113,7 +113,7 @@ def _in_order(rules: Mapping[FaultCode, DebounceRule]) -> Indices:
 
 
 _RULES = _in_order(RULES)
-# Largest number of remaining mappings with which a FRAME fault also accuses the accelerometer.
+# A FRAME fault also accuses the accelerometer if at most this number of mappings remains.
 _FEW_MAPPINGS = 4
 
 

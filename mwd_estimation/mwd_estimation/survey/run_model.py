@@ -36,7 +36,7 @@ _SAME = 0.7
 # Smallest 1 sigma of the lasting gyro error, rad; steps of the bias are expressed as multiples of this sigma.
 _LEAST_LASTING = 1e-3
 # Largest differences of a reference from the first reference of the run, in field, T, and in declination, rad. With a
-# larger difference, the reference is that of another place.
+# larger difference, the reference belongs to another place.
 _ELSEWHERE = 1e-6, math.radians(2.0)
 # Largest angle between the gravities, and between the fields, of two stations with the same attitude, in tool axes,
 # rad.
@@ -193,7 +193,7 @@ class RunModel:
         """
         Return the time from the first seek of the run to a station, h; 0 before the first seek.
 
-        The time is kept for the next station. goes_on: whether the seek of the station is that of the last station.
+        The time is kept for the next station. goes_on: whether the station belongs to the seek of the last station.
         """
         if self._aged is not None and not goes_on:
             self._aged = hours, self._aged[1] + elapsed(self._aged[0], hours)

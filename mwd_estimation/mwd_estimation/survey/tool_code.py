@@ -165,7 +165,7 @@ def _magnitudes(code: str) -> dict[str, float]:
         azi_reference="true",
     )
     hole = Survey(30.0 * np.arange(4.0), np.full(4, 20.0), np.full(4, 60.0), header=header, error_model=model(code))
-    # Most model files have rad; those of later issues have degrees, which are converted here.
+    # Most model files have rad; later issues have degrees, which are converted here.
     factors = {"deg": math.radians(1.0), "deg.nT": math.radians(1.0)}
     return {
         name: float(term["magnitude"]) * factors.get(term.get("unit"), 1.0)

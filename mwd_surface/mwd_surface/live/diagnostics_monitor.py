@@ -155,7 +155,7 @@ class DiagnosticsMonitor:
             for status in found:
                 level, what = _level(status), status.name.partition(": ")[2]
                 alarming = level == _ERROR or (level == _WARN and what.startswith("sensors"))
-                # Errors of this node raise alarms where they occur, except those of the middleware. The state of a
+                # Errors of this node raise alarms where they occur, except middleware errors. The state of a
                 # link raises its alarm in `LinkMonitor`.
                 own = node == self._own_name and not what.startswith("middleware")
                 is_link = what.partition(" ")[0] == "link"

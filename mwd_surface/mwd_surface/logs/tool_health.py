@@ -101,7 +101,7 @@ class Exposure:
     limit : float
         Lowest level that uses up life; the tool withstands lower levels without limit.
     assumed : bool
-        Whether the limit is that of a usual kit, because the tool file states none.
+        Whether the limit is the usual one of such a kit, because the tool file states none.
     """
 
     source: str
@@ -183,7 +183,7 @@ class _Series:
         return {name: getattr(self, name) for name in _SUMS_OF_SERIES} | {"bins": sorted(self.bins.items())}
 
     def restore(self, sums: Mapping[str, Any]) -> None:
-        """Replace the sums by those of an earlier run of the surface, whose bins may have another width."""
+        """Replace the sums by sums of an earlier run of the surface, whose bins may have another width."""
         for name, kind in _SUMS_OF_SERIES.items():
             if name != "width":
                 setattr(self, name, kind(sums[name]))

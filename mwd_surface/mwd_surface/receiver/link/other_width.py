@@ -31,7 +31,7 @@ _BEFORE_S = 20.0
 _LEAST_SCORE = 14.0
 # Widths relative to the estimated one that are tried; the clock of the receiver follows half a percent.
 _NEAR = (1.0, 1.006, 0.994)
-_SAME = 0.01  # largest relative difference with which an estimated width counts as the configured width
+_SAME = 0.01  # largest relative difference between an estimated width and the same configured width
 
 
 def other_widths(tool: ToolConfiguration) -> list[float]:
@@ -96,7 +96,7 @@ def sent_tool(
     syncs : sequence of Sync
         Syncs to try.
     parities : sequence of str
-        Parities to try; that of the tool by default.
+        Parities to try; by default the parity of the tool.
     """
     on_s = _longest_flow(time_s, pressure_pa)
     first = (time_s >= on_s - _BEFORE_S) & (time_s < on_s + _TRIED_S)

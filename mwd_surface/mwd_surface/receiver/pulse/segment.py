@@ -290,7 +290,7 @@ def _second(unary: Array, at: Indices, real: NDArray[np.bool_], common: Array, l
 
 def shared_energy(stretch: StretchOnToolClock, at: Indices, common: Array, pulses: Array) -> tuple[Array, Array]:
     """
-    Return the mean energy that a pulse of each packet shares with far pulses, and with those of the packets beside.
+    Return the mean energy that a pulse of each packet shares with far pulses and with the neighbouring packets.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def shared_energy(stretch: StretchOnToolClock, at: Indices, common: Array, pulse
     Returns
     -------
     ndarray, shape (k, n)
-        Energy shared with all pulses except those of the packet itself and of the packets before and after.
+        Energy shared with all pulses except the pulses of the packet itself and of the packets before and after.
     ndarray, shape (k, n)
         Energy shared with the packets before and after.
     """
@@ -389,7 +389,7 @@ def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Arr
     """
     Return the pump noise, Pa, of a stretch without the pulses known so far, and the angles to use.
 
-    The angles, shape (pumps, n), are those of the stretch if they help to predict the pump noise, else shape (0, n).
+    The angles have shape (pumps, n) if they help to predict the pump noise, else shape (0, n).
     """
     noise = stretch.pressure - reconstruct(_train(stretch, probability), state.response)
     pumps, counted = pump_noise(noise, stretch.known, state.memory, stretch.angles)
@@ -442,7 +442,7 @@ def _sync_size(
     stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, weight: Array, whitened: Array
 ) -> tuple[float, float]:
     """
-    Measure the size of the pulses of the sync relative to those of the packets.
+    Measure the size of the pulses of the sync relative to the pulses of the packets.
 
     Two tools that start together send their syncs at the same places, and their packets at different ones.
 

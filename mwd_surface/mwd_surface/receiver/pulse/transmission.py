@@ -402,7 +402,7 @@ class ReceivedTransmission:
             return "survey"
         looks = (stretch_of(self._tool.sequence(one, number), 0, passes.LOOK_BITS) for one in ("survey", "toolface"))
         survey, toolface = (self._density(*self._rows(items), start) for items in looks)
-        # Packets of another sequence may fit the pulses of a survey nearly as well as those of the survey.
+        # Packets of another sequence may fit the pulses of a survey nearly as well as the packets of the survey.
         return "toolface" if toolface > max(_CLEARER * survey, 0.0) else "survey"
 
     def _density(self, rows: Indices, length: int, start: int) -> float:
@@ -484,7 +484,7 @@ class ReceivedTransmission:
         )
 
 
-# Clock of the tool relative to that of the pressure: position of each sample of a transmission on the grid.
+# Clock of the tool relative to the clock of the pressure: position of each sample of a transmission on the grid.
 
 
 # 1 sigma of the relative clock error of a good tool and of a poor one, and the shares of both; 1 sigma of its change
