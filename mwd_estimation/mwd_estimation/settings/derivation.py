@@ -294,7 +294,7 @@ def check(settings: EstimatorSettings) -> None:
     Raises
     ------
     ValueError
-        See `reference`; also if the temperatures of the tool's calibration are in the wrong order.
+        See `reference`; or the temperatures of the tool's calibration are in the wrong order.
     """
     low_c, high_c = settings.tool.calibrated_c
     if low_c > high_c:

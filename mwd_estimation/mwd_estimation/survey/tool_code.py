@@ -123,8 +123,8 @@ def reference_sigmas(code: str) -> dict[str, float]:
     """
     Return the sigmas of the reference field with which a code is used, by their names in `Reference`.
 
-    Only codes that correct by strength and dip (+AX) state the sigmas of strength and dip; any other code gets those of
-    the related +AX code. Raises ValueError for an unknown code.
+    Only codes that correct by strength and dip (+AX) state the sigmas of strength and dip. Any other code gets the
+    sigmas of the related +AX code. Raises ValueError for an unknown code.
     """
     magnitude = _magnitudes(code)
     field = _magnitudes(_WITH_FIELD[next((word for word in _WITH_FIELD if word in code), "SRGM")])

@@ -353,7 +353,7 @@ class RunTemperature:
 
     @property
     def count(self) -> int:
-        """Number of parameters besides the matrix: bias and, if temperature varied, slopes of bias and scale."""
+        """Number of parameters in addition to the matrix: bias and, if temperature varied, slopes of bias and scale."""
         return 9 if self.varied else 3
 
     def corrected(self, y: Array, p: Array) -> Array:

@@ -57,7 +57,7 @@ def open_regular(path: Path | str) -> int:
     Raises
     ------
     OSError
-        The file cannot be opened or is not a regular file (a folder, device or pipe); `strerror` says which.
+        The file cannot be opened or is not a regular file (a folder, device or pipe); `strerror` has the reason.
     """
     # Non-blocking, because opening a pipe would wait for its writer.
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -74,7 +74,7 @@ def check_regular(path: Path | str, budget: Budget) -> int:
     Raises
     ------
     OSError
-        The file cannot be opened, is not a regular file, or is larger than the budget; `strerror` says which.
+        The file cannot be opened, is not a regular file, or is larger than the budget; `strerror` has the reason.
     """
     handle = open_regular(path)
     try:
@@ -98,7 +98,7 @@ def read_file(path: Path | str, budget: Budget) -> bytes:
     ------
     OSError
         The file cannot be opened, is not a regular file (a folder, device or pipe), or is larger than the budget;
-        `strerror` says which.
+        `strerror` has the reason.
     """
     with os.fdopen(open_regular(path), "rb") as file:
         # Read in pieces: one read of the largest allowed size would allocate that much memory even for a short file.

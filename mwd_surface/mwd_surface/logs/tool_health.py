@@ -226,7 +226,7 @@ class HealthLedger:
 
     Attributes
     ----------
-    battery : Battery
+    battery : BatteryLimits
         Capacity, currents and sigmas from the tool file, else those of a usual kit.
     version : int
         Number that increases with every sample in the account.

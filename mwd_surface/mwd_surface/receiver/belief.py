@@ -138,8 +138,8 @@ class Doubt:
         """
         ratio = min(_sync_evidence(size, sigma), _MOST_SECOND)
         chances = self._chances.copy()
-        # A sync of the usual size excludes the second tool. Otherwise its small probability would grow with each word
-        # of a wrong parity, whose pulses lie in the windows, too.
+        # A sync of the usual size excludes the second tool. Otherwise the small probability of a second tool would
+        # grow with each word of a wrong parity, because its pulses also lie in the windows.
         chances[_TWO] = max(chances[_TWO], _SECOND_TOOL * chances[_RIGHT]) * math.exp(ratio) if ratio >= 0.0 else 0.0
         self._chances = chances / chances.sum()
 
@@ -183,11 +183,11 @@ def _likelihoods(word: Soft) -> Array:
     """
     Return the likelihood of a word for a right table, a wrong table and two tools, shape (3,).
 
-    The likelihoods are divided by that of a wrong table.
+    The likelihoods are divided by the likelihood for a wrong table.
     """
     parity = 0.0 if word.holds is None else math.log((_SLIP + (1.0 - 2.0 * _SLIP) * word.holds) / 0.5)
     fits = 0.0 if math.isnan(word.fits) else min(word.fits, _MOST_FIT)
-    # Pulses of two tools that start together lie in the windows, too, but their parities hold by chance.
+    # Pulses of two tools that start together also lie in the windows, but their parities hold only by chance.
     right, two = ((1.0 - _SLIP) * math.exp(one + fits) + _SLIP for one in (parity, 0.0))
     return np.array([right, 1.0, two])
 

@@ -3,8 +3,8 @@
 Locate the coil of a sonde from the strength of its field at points on the surface.
 
 The coil is a dipole along the tool axis. Position, direction and moment are fitted to the readings by least squares;
-pitch and moment are known from the words of the sonde and from a calibration, each with its sigma. A receiver does not
-know the sign of an alternating field, only how its three components relate, so the sign of each reading is free.
+pitch and moment are known from the words of the sonde and from a calibration, each with its sigma. A receiver cannot
+measure the sign of an alternating field, only the relative signs of its components. The sign of each reading is free.
 Conduction of the ground is neglected: see `docs/methods/coil_link.md` for the distance up to which that holds.
 """
 

@@ -107,7 +107,7 @@ class StretchOnToolClock:
     missing : float
         Probability that the pulse of a packet is missing.
     sync : (int, int), optional
-        First sample of the sync before the packets, and the sample after it, if its size is wanted.
+        First sample of the sync before the packets, and the sample after it, to measure the size of its pulses.
     """
 
     pressure: Array

@@ -49,7 +49,7 @@ class Tracker:
 
     Attributes
     ----------
-    leader : Transmission or None
+    leader : ReceivedTransmission or None
         Hypothesis whose words are published.
     """
 

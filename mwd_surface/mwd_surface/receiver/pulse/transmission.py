@@ -80,7 +80,7 @@ class ReceivedTransmission:
         Response to a pulse, and noise model without the pulses.
     presence : Presence
     lost : str
-        Reason why the hypothesis has ended by itself; empty while it goes on.
+        Reason why the hypothesis has ended by itself; empty while the hypothesis continues.
     frames, base : int
         Number of passes of sequences so far; number of the first of them among all that are published.
     published : bool
