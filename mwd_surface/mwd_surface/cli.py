@@ -60,7 +60,7 @@ class _Panels(TyperGroup):
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
         """Write one section for each panel, in the order of their first commands."""
         panels: dict[str, list[tuple[str, str]]] = {}
-        # Two spaces before a name and two behind the longest one.
+        # Two spaces before each name, and two after the longest name.
         limit = formatter.width - 6 - max(map(len, self.commands))
         for name, command in self.commands.items():
             panel = getattr(command, "rich_help_panel", "")

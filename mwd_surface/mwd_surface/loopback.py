@@ -45,7 +45,7 @@ def refused_host(host: str, *, allow_network: bool) -> str:
 
 
 def port_problem(error: OSError, host: str, port: int) -> str:
-    """Return why a port cannot be opened, and what to do."""
+    """Return a message that says why a network port cannot be opened, and what to do."""
     where = f"{host} port {port}"
     if isinstance(error, socket.gaierror) or (error.errno is not None and error.errno < 0):
         why = error.strerror or error

@@ -34,7 +34,7 @@ class SagCorrection:
     table: tuple[tuple[float, float], ...] = ()  #: pairs of inclination, rad, increasing, and correction, rad
 
     def at(self, inclination: float) -> float:
-        """Return the correction, rad, at an inclination, rad; outside the table, that of the nearest end."""
+        """Return the correction, rad, at an inclination, rad; outside the table, the correction at the nearest end."""
         if not self.table:
             return self.horizontal * math.sin(inclination)
         inclinations, corrections = zip(*self.table, strict=True)
@@ -55,7 +55,7 @@ def sag(assembly: Assembly, inclination: float, build: float | None = None) -> f
     Returns
     -------
     float
-        Inclination of the hole minus that of the sensors, rad.
+        Inclination of the hole minus inclination of the sensors, rad.
 
     Raises
     ------

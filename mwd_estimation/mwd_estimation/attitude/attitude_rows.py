@@ -38,7 +38,7 @@ class OneFieldStretch(NamedTuple):
     start: int  #: index in the block of the first sample of the stretch
     north: int  #: code of the north reference, as in `core.north.North`
     status: int  #: bits of `Status` that are added to every sample
-    gyro_only: bool  #: omit azimuths that are not propagated by the gyros alone
+    gyro_only: bool  #: whether only azimuths propagated by the gyros alone are written
 
 
 LAST_MAGNETIC = dtype_of(LastMagnetic)
@@ -146,7 +146,7 @@ def _write_attitude(
 ) -> int:
     """Fill the attitude message of one sample; return its status bits."""
     has_gravity = math.isfinite(plain.inclination)
-    # NEAR_VERTICAL follows the inclination limits of the attitude settings, not those of the gravity method.
+    # NEAR_VERTICAL follows the inclination limits of the attitude settings, not of the gravity method.
     status = (sample.status & ~_NEAR_VERTICAL) | int(np.int64(plain.status)) | stretch.status
     status |= int(np.int64(azimuth.status)) | (last.status & _DISTURBED)
     near_vertical = status & _NEAR_VERTICAL != 0

@@ -50,7 +50,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps, joined
 
 _NO_REFERENCE, _FAULT = int(Status.NO_REFERENCE), int(Status.SENSOR_FAULT)
-# Largest 1 sigma of the vertical, rad, with which a magnetic sample updates the interference filter.
+# A magnetic sample updates the interference filter if 1 sigma of the vertical is at most this, rad.
 _MAX_TILT = 0.1
 
 

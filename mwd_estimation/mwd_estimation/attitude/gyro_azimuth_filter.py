@@ -91,8 +91,8 @@ def correct(s: GyroAzimuthState, azimuth: float, slow: float, constant: float, v
     """
     Update with an azimuth = x[AZIMUTH] + slow x[SLOW_ERROR] + constant x[CONSTANT_ERROR] + noise, rad.
 
-    variance: variance of the noise, rad^2; extra: variance, rad^2, that is added after the test against the gate, for
-    noise that the next azimuths repeat. Returns whether the azimuth is used; beyond the gate, x and P stay unchanged.
+    variance: variance of the noise, rad^2; extra: variance added after the test against the gate, rad^2, for noise that
+    consecutive azimuths have in common. Returns whether the azimuth is used; beyond the gate, x and P stay unchanged.
     """
     h, ph = np.zeros(STATES), np.empty(STATES)
     h[Error.AZIMUTH], h[Error.SLOW_ERROR], h[Error.CONSTANT_ERROR] = 1.0, slow, constant

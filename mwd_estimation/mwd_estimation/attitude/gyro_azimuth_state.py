@@ -2,11 +2,11 @@
 """
 Settings and state of the gyro-propagated azimuth, in the form that its kernels use.
 
-The first Kalman states are the azimuth of the hole axis and that of the last accepted station, both propagated by the
-gyros, and the slow and the constant error of the magnetic azimuth, each in units of its own sigma. The other states are
-those of the conventional and then of the precision unit: bias of the y and z gyros, their leakage (share of the x rate
-that they read), drift about the vertical due to g-sensitivity, and lag behind the gravity vector. Derivation:
-``docs/methods/continuous_attitude.md``.
+The first two Kalman states are the azimuth of the hole axis and the azimuth of the last accepted station, both
+propagated by the gyros. The next two are the slow and the constant error of the magnetic azimuth, each in units of its
+own sigma. The other states exist for the conventional unit and for the precision unit: bias of the y and z gyros,
+leakage (share of the x rate that the y and z gyros read), drift about the vertical due to g-sensitivity, and time lag
+of the gyros relative to the gravity vector. Derivation: ``docs/methods/continuous_attitude.md``.
 """
 
 from __future__ import annotations
@@ -181,10 +181,10 @@ class GyroAzimuthState:
     slow_sigma: float  #: 1 sigma that is the unit of the state Error.SLOW_ERROR, rad
     by_gyro_only: bool  #: whether the azimuth comes from a north seek and the gyros only
     have_station: bool  #: whether a station's azimuth is propagated
-    station_constant_sigma: float  #: 1 sigma of the part of its error that all magnetic azimuths share, rad
+    station_constant_sigma: float  #: 1 sigma of the error common to the station and all magnetic azimuths, rad
     station_disagreed: bool  #: whether the last station disagreed with the propagated azimuth of an earlier station
-    sums: Annotated[Sequence[BinSums], BINS]  #: sums of the last bins
-    precision_sums: BinSums  #: sums of the last closed bin from the precision unit
+    sums: Annotated[Sequence[BinSums], BINS]  #: gyro integrals over the last bins
+    precision_sums: BinSums  #: gyro integrals of the precision unit over the last closed bin
     recent: GyroRing  #: last samples, for pairing with other streams
 
 

@@ -31,7 +31,7 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 
-_MAX_GAP = 0.5  # length of a step from which it is a data gap, s: the rotation is not integrated over it
+_MAX_GAP = 0.5  # shortest data gap, s; the rotation is not integrated over a gap between samples
 _NO_MAG, _NEAR_VERTICAL = int(Status.NO_MAG), int(Status.NEAR_VERTICAL)
 
 

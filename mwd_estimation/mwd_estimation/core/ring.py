@@ -59,7 +59,7 @@ def around(ring: Ring, at: int) -> tuple[int, int, float]:
     """
     Return the indices in `rows` of the samples before and after a time, ns, and the weight of the later sample.
 
-    Outside the stored samples both indices are that of the nearest sample, with the weight 0.
+    Outside the stored samples both indices are the index of the nearest sample, and the weight is 0.
     """
     back = first_from(ring, at)
     later = place(ring, max(back, 1))

@@ -70,7 +70,7 @@ def _run(state: Samples, stamps: Stamps) -> Array:
         if follows_no_period(s):
             sigma[i] = math.sqrt(max(s.square - s.mean * s.mean, 0.0))
         else:
-            # A step is the difference of two stamps, so its variance is twice that of a stamp.
+            # A step is the difference of two stamps, so its variance is twice the variance of a stamp.
             sigma[i] = math.sqrt(0.5 * s.off_square)
     return sigma
 

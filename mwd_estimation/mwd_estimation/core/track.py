@@ -27,7 +27,7 @@ STILL_HOLD = 1.0  # time constant of the decay of both peaks, s
 ROTARY_LAG = 0.5  # time constant of the rotary speed, s
 NEAR_VERTICAL_BELOW = math.radians(3.0)  # inclination below which gravity across the tool is too small for a toolface
 BACKWARD_LIMIT = 50  # number of samples with advancing stamps after which a clock that jumped back is accepted
-# m/s^2; no accelerometer resolves this force. A sample is a reading only if the force on at least one axis is larger.
+# Force that no accelerometer resolves, m/s^2. A sample is a reading only if the force on at least one axis is larger.
 FORCE_ABOVE = 1e-6
 GAP_NS = 500_000_000  # a longer step between samples is a data gap, for methods without a rule of their own
 # A reading of at least this share of the range counts as clipped: rounding can leave a clipped reading just below the

@@ -183,8 +183,8 @@ class Transmitter:
         """
         Add samples of `wire.ATTITUDE`; return the syncs, headers and words transmitted since the last call.
 
-        They are complete up to the last time whose attitude and flow are known (on a wire: whose attitude is known).
-        reference : reference whose declination and convergence convert azimuths to magnetic north.
+        The tool is simulated up to the last time at which attitude and flow are known; a tool with a serial line does
+        not need the flow. reference: its declination and convergence convert azimuths to magnetic north.
         """
         stamps = attitude["stamp_ns"]
         # Keep only the first sample in each step.

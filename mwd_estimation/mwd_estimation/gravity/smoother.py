@@ -22,7 +22,7 @@ from mwd_estimation.gravity.bounded.state import STEADY, TILT, UPDATE
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-AHEAD = 30_000  # smallest number of later samples with which a sample is smoothed
+AHEAD = 30_000  # smallest number of later samples used to smooth a sample
 BLOCK = 3 * AHEAD  # number of samples in one backward pass
 _NO_UPDATES = np.zeros(0, UPDATE)
 

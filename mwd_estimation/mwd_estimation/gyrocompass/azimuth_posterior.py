@@ -20,8 +20,8 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 
-# Share of the probability whose interval gives the sigma of a mixture, and half of the width of this interval of a
-# Gaussian, in sigmas. A rare mistake with less than the rest, one in a hundred, does not widen sigma.
+# The sigma of a mixture follows from the width of its central interval with this probability; _WITHIN_SIGMAS: half of
+# the width of this interval for a Gaussian, in sigmas. A mistake with a probability below 1 % does not widen sigma.
 _WITHIN = 0.99
 _WITHIN_SIGMAS = NormalDist().inv_cdf(0.5 + 0.5 * _WITHIN)
 # Smallest width of a peak that the coarse grid resolves, rad; and largest ratio of the widths of two peaks that use the

@@ -269,7 +269,7 @@ def _collapsed(errors: GyroErrors, log_weight: Array, mass: Array, mean: Array, 
     """
     Return the Gaussians of a station, merged by kind of unit and arc; the improbable arcs of a kind give one Gaussian.
 
-    log_weight, shape (k,), is that of each previous Gaussian; mass, shape (k, a), its share in each arc; mean and
+    log_weight, shape (k,): one for each previous Gaussian; mass, shape (k, a): its share in each arc; mean and
     covariance have shapes (k, a, 10) and (k, a, 10, 10).
     """
     kinds, of_kind = np.unique(errors.kind, axis=0, return_inverse=True)

@@ -48,7 +48,7 @@ _WRONG_BY, _WRONG, _WRONG_SIGN = np.radians([off for off in range(-40, 41, 5) if
 # without own calibration has errors of 3 mg. With the ratio 1 alone, 36 of 120 seeks at the right latitude are refused
 # if the accelerometers are 2 mg off.
 _ACCEL_SCALES, _SCALE_PROBABILITIES = np.array([1.0, 4.0, 16.0]), np.array([0.9, 0.07, 0.03])
-# Log odds, before the seek and by gravity, at which another latitude is left out.
+# Another latitude is left out if its log odds, from the prior and from gravity, are below this.
 _EXCLUDED = -15.0
 # Smallest change of toolface or inclination after which a still seek gives new information, rad: half an arc of
 # `gyro_errors`.
@@ -216,10 +216,10 @@ def _sigma(circle: OnCircle, misfit: float | None = None) -> float:
     """
     Return 1 sigma of the azimuth, rad, increased if the Earth rate is more than 2 sigmas from the circle.
 
-    misfit: squared distance of the Earth rate from the circle, in sigmas; None: that of `circle`.
+    misfit: squared distance of the Earth rate from the circle, in sigmas; None: `circle.misfit`.
     """
-    # If the rate differs from the latitude's by more than two sigmas, the gyro errors are larger than stated, also in
-    # north.
+    # If the Earth rate differs from its value at the latitude by more than two sigmas, the gyro errors are larger than
+    # stated. The error in north is then larger too.
     larger = max(math.sqrt(circle.misfit if misfit is None else misfit) - 1.0, 1.0)
     return min(larger * circle.sigma, math.pi)
 

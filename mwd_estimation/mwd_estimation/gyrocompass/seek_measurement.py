@@ -15,7 +15,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import project_covariance, reset_state, rotate_left, scalar_update
 
-# Number of blocks from which the first scatter of the axis is computed.
+# Number of blocks for the initial estimate of the scatter of the hole axis.
 _SETTLE_BLOCKS = 10
 # Largest chi-square of a direction that is used; and number of ignored directions in a row after which the axis has
 # moved.
@@ -70,7 +70,7 @@ def measure(s: SeekState, work: SeekWork) -> None:
         else:
             s.turn_time += t
         s.elapsed += t
-        # The bias, of which the estimate still changes, is added again.
+        # Add the bias again, because its estimate still changes.
         s.down_force += s.sums.force[2]
         for j in range(3):
             s.down_force += s.sums.mat[2, j] * s.force_bias[j]
@@ -150,7 +150,7 @@ def _hold(s: SeekState, work: SeekWork, which: int, y: float, share: float) -> b
 
 @compiled
 def _settle(s: SeekState) -> None:
-    """Add a block to the first scatter of the axis; begin to seek after enough blocks."""
+    """Add a block to the initial estimate of the scatter of the hole axis; after `_SETTLE_BLOCKS`, begin to seek."""
     ax, ay, az = s.mat[0, 0], s.mat[1, 0], s.mat[2, 0]
     s.settled += 1
     if s.settled == 1:
@@ -164,7 +164,7 @@ def _settle(s: SeekState) -> None:
     if s.settled > _SETTLE_BLOCKS:
         s.phase = SeekPhase.SEEKING
         for j in range(2):
-            # A seek that began again knows its scatter from the blocks before.
+            # A restarted seek keeps the scatter of the earlier blocks as a lower limit.
             s.scatter[j] = max(0.5 * s.axis_difference2[j] / _SETTLE_BLOCKS, s.scatter[j])
             s.first_scatter[j] = s.scatter[j]
         s.scatter[2] = max(s.scatter[0], s.scatter[1])

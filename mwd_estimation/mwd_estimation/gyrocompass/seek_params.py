@@ -50,8 +50,8 @@ class SeekParams:
     #: a tool that never moves and a gyro with a small bias.
     method: str = SEEK
     latitude_deg: float = 34.0  #: geodetic latitude, north positive, deg; NaN: unknown, so that no seek is possible
-    #: Height above the ellipsoid, m. A seek that measures another gravity than that of latitude and height shows that
-    #: the latitude is wrong.
+    #: Height above the ellipsoid, m. A measured gravity that does not fit latitude and height shows that the latitude
+    #: is wrong.
     height_m: float = 0.0
     #: Motion of the tool during the seek. auto accepts any motion; every other mode refuses a different motion.
     mode: str = "auto"
@@ -59,7 +59,7 @@ class SeekParams:
     gyro_noise_deg_rth: float = 0.05  #: white noise of y and z, deg/sqrt(h)
     gyro_x_noise_deg_rth: float = 0.42  #: white noise of x, deg/sqrt(h)
     accel_noise_ug_rthz: float = 30.0  #: white noise of the accelerometers, ug/sqrt(Hz)
-    #: Stated bias of y and z, and of x, 1 sigma, deg/h. The run estimates the ratio of this unit's bias to it.
+    #: Stated bias of y and z, and of x, 1 sigma, deg/h. The run estimates how good this unit is.
     gyro_bias_deg_h: float = 1.0
     gyro_x_bias_deg_h: float = 36.0
     accel_bias_ug: float = 100.0  #: sigma of the accelerometer bias, ug

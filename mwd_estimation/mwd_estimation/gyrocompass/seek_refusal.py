@@ -28,8 +28,7 @@ _AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
 _LEAST_SENSITIVITY = 0.17
 # Probability of another latitude above which north is refused.
 _OTHER_SURE = 0.99
-# Limits in sigmas: Earth rate compared with the latitude's, and instrument errors compared with their
-# figures.
+# Limits: difference of the Earth rate from its value at the latitude, and instrument errors, both in sigmas.
 _MISFIT, _EXCESSIVE = 3.0, 5.0
 
 
@@ -44,7 +43,7 @@ class Fit:
     inclination: float
     sigma_there: float  #: 1 sigma of the azimuth if the latitude is right, rad
     sensitivity: float  #: share of the horizontal Earth rate that this method measures at this attitude, 0 to 1
-    misfit: float  #: squared distance of the Earth rate from the latitude's, in sigmas
+    misfit: float  #: squared distance of the Earth rate from its value at the latitude, in sigmas
     #: `wrong`, `likeliest`: probability of all other latitudes together, and the most probable one of them, rad.
     wrong: float
     likeliest: float

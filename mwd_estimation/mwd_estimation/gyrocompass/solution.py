@@ -17,8 +17,8 @@ class Solution:
     #: Motion of the tool: still, two_position or rotating; s1 for `static_ekf`; the requested mode while the motion is
     #: unknown.
     method: str
-    #: `azimuth`, `sigma`: azimuth of the hole axis from true north and 1 sigma, rad, even of a refused one; NaN before
-    #: the filter runs.
+    #: `azimuth`, `sigma`: azimuth of the hole axis from true north and 1 sigma, rad, even if the azimuth is refused;
+    #: NaN before the filter runs.
     azimuth: float = math.nan
     sigma: float = math.nan
     inclination: float = math.nan  #: inclination of the hole axis from the vertical, rad
@@ -26,7 +26,7 @@ class Solution:
     toolface: float = math.nan
     elapsed: float = 0.0  #: duration of the used data, s
     limit: float = math.nan  #: 1 sigma of an ideal estimator for this gyro noise, time, latitude and geometry, rad
-    #: Azimuths and sigmas, rad, one of which is right, if the result is refused because several azimuths fit.
+    #: Possible azimuths with their sigmas, rad, if the result is refused because several azimuths fit; one is right.
     choices: tuple[tuple[float, float], ...] = ()
     began_ns: int | None = None  #: stamp at which the seek of a station began, ns; surveys of one seek share it
 

@@ -113,7 +113,7 @@ def _in_order(rules: Mapping[FaultCode, DebounceRule]) -> Indices:
 
 
 _RULES = _in_order(RULES)
-# Largest number of remaining mappings with which a FRAME fault also accuses the accelerometer.
+# A FRAME fault also accuses the accelerometer if at most this number of mappings remains.
 _FEW_MAPPINGS = 4
 
 
@@ -213,9 +213,9 @@ def unusable(checks: Any) -> int:
 @compiled
 def suspected(checks: Any) -> int:
     """
-    Return the bits of the sensors accused by observations not counted yet, of checks that are not faults yet.
+    Return the bits of the sensors for which an uncounted observation indicates a fault that is not confirmed yet.
 
-    An observation of the check GRAVITY accuses only if it is STRONGLY.
+    The observation must be FOR or STRONGLY; for the check GRAVITY, it must be STRONGLY.
     """
     bits = 0
     for code in range(CODES):
@@ -243,7 +243,7 @@ def doubt(left: Indices, bits: int) -> int:
 
 
 def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: FaultUnit = FaultUnit.CONVENTIONAL) -> SensorFault:
-    """Return the fault of a check; if the check is not a fault any more, the fault has ended at `now_ns`, ns."""
+    """Return the fault that a check found; if the check is not in state FAULT, the fault ended at `now_ns`, ns."""
     check = checks[code, place]
     which = tuple(int(v) for v in check.which)
     bits = accused(code, place, check.which)

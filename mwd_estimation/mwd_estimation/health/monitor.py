@@ -34,7 +34,7 @@ from mwd_estimation.health.window_checks import BROKEN, CLIPPED, WindowJudge, Wi
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-# Smallest rotation in a window, rad, from which the axes may be found.
+# Smallest rotation in a window, rad, that can show the axes.
 _MOVES = 0.5
 # While units, axes or signs are unknown, the first _IN_VAIN windows with motion are evaluated at once, and then one
 # window in each _MINUTE_NS.

@@ -67,7 +67,7 @@ class UnitState:
     differ: int  #: number of half seconds in motion since the axes of a sensor became wrong
     agree: Annotated[
         Indices, 2
-    ]  #: number of half seconds since gyro and accelerometer last differed from those of the other unit
+    ]  #: number of half seconds since gyro and accelerometer last differed from the other unit
 
 
 UNIT_STATE = dtype_of(UnitState)

@@ -41,7 +41,7 @@ from mwd_sensors.core.compiled import compiled
 # A restart that discards an estimate from less than this time of samples, s, is reported, so that the azimuth, which
 # was computed with this estimate, is discarded too.
 _YOUNG = 60.0
-# Longest step for which the random walk is applied, s; a longer step counts as this one.
+# Longest step for which the random walk is applied, s; a longer step counts as a step of this length.
 _MAX_STEP = 7200.0
 # Correlation time of the error of the second-order term of H, s.
 _BEND_TIME = 3600.0

@@ -63,7 +63,7 @@ from mwd_sensors.ros.messages import make, unknown
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.ros.time_stamps import header, stamp
 
-# Topics of the other streams, whose samples are processed together with those of the conventional unit.
+# Topics of the other streams, whose samples are processed together with the samples of the conventional unit.
 _BESIDE = ("imu/mag", "gyro/data_raw", "imu/temperature")
 _BLOCK_PERIOD = 0.002  # longest time for which samples wait before they are processed together, s
 _INNOVATIONS_PERIOD = 1.0  # interval between messages of innovations and of used samples, s
@@ -485,7 +485,7 @@ class RecordingGate:
         """
         Return the first recorded stamp, ns, of each topic with samples, and the full names of the topics not recorded.
 
-        If a recorder runs and its first status has not arrived, the only name is that of the recorder topic.
+        If a recorder runs and its first status has not arrived, the only name is the name of the recorder topic.
         """
         if self._first_ns is None:
             recorder = self._node.resolve_topic_name("recorder")

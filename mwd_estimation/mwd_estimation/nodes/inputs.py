@@ -33,7 +33,7 @@ _SKEW_S, _SKEWED = 1.0, 5
 # Largest mean distance of the steps between stamps from whole periods, in periods, at which lost samples are counted;
 # random steps have 0.25.
 _UNEVEN = 0.1
-_TIMED = ("imu/mag", "gyro/data_raw")  # topics whose samples are paired with those of the IMU
+_TIMED = ("imu/mag", "gyro/data_raw")  # topics whose samples are paired with IMU samples
 TIMEOUT_S = 2.0  # time without a message after which a topic counts as silent, s
 _FULL_S = 10.0  # time for which a full queue is reported, s
 _FOREIGN_S = 5.0  # time for which a message in another frame or a second copy of a sample is reported, s
@@ -103,7 +103,7 @@ class InputTopics:
 
     def take(self, topic: str) -> Samples:
         """
-        Return the waiting samples of a topic, followed by those of its burst topic, in axes of the sensor unit.
+        Return the waiting samples of a topic, then the samples of its burst topic, in axes of the sensor unit.
 
         Samples in a second frame, copies, and samples whose stamps come from another clock are left out.
         """
@@ -151,7 +151,7 @@ class InputTopics:
         """
         Return the messages of a topic that are in its frame, and messages whose header cannot be read.
 
-        The frame of a topic is that of the first message. It changes only if no message in this frame has come for
+        The frame of a topic is the frame of the first message. It changes only if no message in this frame has come for
         `TIMEOUT_S`, because a restarted or exchanged unit may have another frame. A second unit on the topic is not
         used as long as the first unit sends.
         """

@@ -273,14 +273,14 @@ class Estimate:
         self._delay.take(stretch.stamps[later], track.g_t[later], rate_x[later])
 
     def _correct_delay(self, span: int) -> None:
-        """If a new time span (index `span`) begins, correct the delay of the magnetometer's stamps found so far."""
+        """At the start of a new time span (index `span`), estimate and correct the delay of the magnetometer."""
         if span > self._delay_span:
             self._delay_span = span
             self._shift_mag(self._delay.judge(span * SPAN_NS))
 
     def _shift_mag(self, late_ns: int) -> None:
         """
-        Add `late_ns` to the delay of magnetic samples, and subtract it from the stamps of waiting ones.
+        Add `late_ns` to the delay of the magnetometer, and subtract it from the stamps of waiting magnetic samples.
 
         The estimate of the interference is discarded. Nothing changes if `late_ns` is 0.
         """

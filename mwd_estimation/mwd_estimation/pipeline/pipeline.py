@@ -51,7 +51,7 @@ class Pipeline:
         Reference that replaces the reference of the settings, such as a field measured before the run.
     mount : Mount, optional
         Mount of the units in the tool; by default from the settings, without frames and static transforms.
-    noise : mapping of Noise, optional
+    noise : mapping of StatedNoise, optional
         Noise of each vector that covariances stated before (`input_covariance.NoiseWatch`); used from the start.
 
     Raises

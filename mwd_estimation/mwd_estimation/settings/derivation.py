@@ -39,7 +39,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.foreign_text import contents_hidden
 from mwd_sensors.core.settings import SettingsError
 
-# Smallest ratio of a gyro's noise or bias to that of the default tool: no filter must treat a gyro as perfect.
+# Smallest ratio of a gyro's noise or bias to the value of the default tool: no filter must treat a gyro as perfect.
 _LEAST_GYRO = 0.02
 # 1 sigma of accelerometer errors that the settings do not describe: errors of a MEMS unit without own calibration.
 _FACTORY = {"bias_ug": 3000.0, "scale_ppm": 1500.0, "misalignment_mrad": 1.0}
@@ -155,7 +155,7 @@ def input_ranges(settings: EstimatorSettings) -> Ranges:
 
     The widest range of the three axes is used, because the gate works in axes of the units while a range may be stated
     in tool axes. The range of a precision unit is often left at the default, which suits its cross axes, although its x
-    axis rotates with the string; its gate is therefore at least that of the conventional unit.
+    axis rotates with the string; its gate is therefore at least the gate of the conventional unit.
     """
     tool = settings.tool
     fastest = max(tool.gyro.range_deg_s)
@@ -294,7 +294,7 @@ def check(settings: EstimatorSettings) -> None:
     Raises
     ------
     ValueError
-        See `reference`; also if the temperatures of the tool's calibration are in the wrong order.
+        See `reference`; or the temperatures of the tool's calibration are in the wrong order.
     """
     low_c, high_c = settings.tool.calibrated_c
     if low_c > high_c:
@@ -316,7 +316,7 @@ def with_code(settings: EstimatorSettings, found: Reference) -> Reference:
             "give the field of the IFR certificate (place.field fixed), or choose a code with SRGM, HRGM (HDGM) or "
             "LRGM (WMM, IGRF)"
         )
-    # Keep the sigmas that a certificate states for this place; those of the tool code apply to all places.
+    # Keep the sigmas that a certificate states for this place; the sigmas of the tool code apply to all places.
     return found if place.source else tool_code.reference_for(code, found)
 
 

@@ -34,7 +34,7 @@ class Mahony:
 
 @dataclass(frozen=True)
 class FuzzyMahony(Mahony):
-    """Parameters of the filter of paper S3, whose proportional gain comes from a fuzzy table."""
+    """Parameters of the Mahony filter with a proportional gain from a fuzzy table (`gravity.fuzzy_mahony`)."""
 
     k_p_least: float = setting(
         0.01,

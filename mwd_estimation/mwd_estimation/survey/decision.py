@@ -52,7 +52,7 @@ class _Published(NamedTuple):
 
     known : arguments of `Finding.continued`: azimuth and 1 sigma, rad, and variance in common, rad^2; None if the
     propagated azimuth did not change the survey.
-    above : number of the survey from which it was propagated; 0: none.
+    above : number of the survey from which the azimuth was propagated; 0: none.
     """
 
     survey: DecidedSurvey
@@ -96,7 +96,7 @@ class Provisional:
         """
         Azimuth from which the gyros propagate; NaN if it was not accepted, a sensor was faulty, or the string turned.
 
-        Its sigma is that of the tool axis, without the misalignment of the tool in the hole, because the gyros
+        The sigma is for the tool axis, without the misalignment of the tool in the hole, because the gyros
         propagate the tool axis.
         """
         station, survey = self.survey.station, self.survey

@@ -128,9 +128,9 @@ def gyro_share(angles: Array, mass: Array, magnetic: Array | None) -> float:
     """
     Return the share of the gyro in the azimuth, 0 to 1.
 
-    The share is 1 without a magnetometer, or if the azimuth of the magnetometer contradicts the azimuth of both. mass,
-    shape (n,): probability of each angle; magnetic, shape (n,): the same from the magnetometer alone, None if there is
-    no reading.
+    The share is 1 without a magnetometer, or if the magnetic azimuth contradicts the azimuth from both sensors. mass,
+    magnetic, shape (n,): probability of each angle from both sensors and from the magnetometer alone; magnetic is None
+    if there is no reading.
     """
     if magnetic is None:
         return 1.0

@@ -2,10 +2,10 @@
 """
 Revise every station of a run with all other stations, including later ones and later gyro azimuths.
 
-For each station, the run model learns the other stations in order from far to near, because the string may have changed
-at some station. Each reading is used once. A north seek counts as one reading for all surveys taken during it: it
-continues while the tool is turned in place, so its last result is valid for all of them. The run is divided in halves
-recursively, so that n stations need about n log2(n) steps.
+For each station, the run model is updated with the other stations in order from far to near, because the string may
+have changed at some station. Each reading is used once. A north seek counts as one reading for all its surveys: the
+seek continues while the tool is turned in place, so its last result is valid for all of them. The run is divided in
+halves recursively, so that n stations need about n log2(n) steps.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ _SAME = 0.7
 # Smallest 1 sigma of the lasting gyro error, rad; steps of the bias are expressed as multiples of this sigma.
 _LEAST_LASTING = 1e-3
 # Largest differences of a reference from the first reference of the run, in field, T, and in declination, rad. With a
-# larger difference, the reference is that of another place.
+# larger difference, the reference belongs to another place.
 _ELSEWHERE = 1e-6, math.radians(2.0)
 # Largest angle between the gravities, and between the fields, of two stations with the same attitude, in tool axes,
 # rad.
@@ -107,7 +107,8 @@ class RunModel:
         self._told: dict[str, Across] = {}
         # Time of the last station, h, and cumulative hazard of a change of the string up to it.
         self._reached = math.nan, 0.0
-        # Time at which the last station or its seek began, h, and age of the gyro then, h; None before the first seek.
+        # Time at which the last station (or its seek) began, h, and time since the first seek then, h; None before the
+        # first seek.
         self._aged: tuple[float, float] | None = None
 
     def copy(self) -> RunModel:
@@ -192,7 +193,7 @@ class RunModel:
         """
         Return the time from the first seek of the run to a station, h; 0 before the first seek.
 
-        The time is kept for the next station. goes_on: whether the seek of the station is that of the last station.
+        The time is kept for the next station. goes_on: whether the station belongs to the seek of the last station.
         """
         if self._aged is not None and not goes_on:
             self._aged = hours, self._aged[1] + elapsed(self._aged[0], hours)

@@ -123,8 +123,8 @@ def reference_sigmas(code: str) -> dict[str, float]:
     """
     Return the sigmas of the reference field with which a code is used, by their names in `Reference`.
 
-    Only codes that correct by strength and dip (+AX) state the sigmas of strength and dip; any other code gets those of
-    the related +AX code. Raises ValueError for an unknown code.
+    Only codes that correct by strength and dip (+AX) state the sigmas of strength and dip. Any other code gets the
+    sigmas of the related +AX code. Raises ValueError for an unknown code.
     """
     magnitude = _magnitudes(code)
     field = _magnitudes(_WITH_FIELD[next((word for word in _WITH_FIELD if word in code), "SRGM")])
@@ -165,7 +165,7 @@ def _magnitudes(code: str) -> dict[str, float]:
         azi_reference="true",
     )
     hole = Survey(30.0 * np.arange(4.0), np.full(4, 20.0), np.full(4, 60.0), header=header, error_model=model(code))
-    # Most model files have rad; those of later issues have degrees, which are converted here.
+    # Most model files have rad; later issues have degrees, which are converted here.
     factors = {"deg": math.radians(1.0), "deg.nT": math.radians(1.0)}
     return {
         name: float(term["magnitude"]) * factors.get(term.get("unit"), 1.0)

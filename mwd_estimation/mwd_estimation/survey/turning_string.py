@@ -30,7 +30,7 @@ from mwd_sensors.core.arrays import Array, Stamps
 
 # Smallest and largest number of bins of a window, and the angle by which the string turns in a window, rad.
 _BINS, _MOST_BINS, _TURNED = 10, 120, 8.0 * math.pi
-# Smallest rotation in a bin with which a window begins, rad; and longest time between samples within a window, s.
+# A window begins with a bin that has at least this rotation, rad; and longest time between samples within a window, s.
 _BEGINS, _APART_S = 0.5, 0.1
 # Smallest number of samples in a half second and in a turn; the fit follows one and a half cycles per turn.
 _SAMPLES, _PER_TURN = 5, 4
@@ -42,8 +42,8 @@ _WORST_CONDITION = 1e4
 # calibration, rad, and fields of the electronics, T.
 _IN_STEP, _SKEW, _ELECTRONICS = 5e-4, math.radians(0.05), 50e-9
 # Indices of columns of the fit: constant (then its drift), cosine and sine of the roll (then their drifts), four
-# columns for the noise, and two for a delay behind the gyro, which shows if the speed changes. The last number is the
-# largest condition number of the columns with which the delay is fitted.
+# columns for the noise, and two for a delay behind the gyro, which is visible if the speed changes. The delay is fitted
+# if the condition number of the columns is at most `_MOST_ALIKE`.
 _CONSTANT, _COS, _SIN, _NOISE, _LATE, _MOST_ALIKE = 0, 2, 3, slice(6, 10), 10, 100.0
 # Number of values from which a window's noise is estimated: four amplitudes of three axes.
 _NUMBERS = 12.0
@@ -61,7 +61,8 @@ class Across:
 class Turning:
     """Estimates from the turns so far, in tool axes."""
 
-    mount: Across  #: direction of the axis of rotation in the accelerometers minus that in the magnetometers, rad
+    #: Direction of the axis of rotation in the accelerometers minus its direction in the magnetometers, rad.
+    mount: Across
     field: Across  #: field fixed in the tool, T
 
 

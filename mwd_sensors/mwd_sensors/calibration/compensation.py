@@ -45,7 +45,7 @@ class Compensation:
     def imu(self, samples: Samples) -> Samples:
         """Return samples of the layout `wire.IMU` with corrected gyros and accelerometers."""
         out = samples.copy()
-        # Temperatures of strictly before the sample, as in `_corrected`.
+        # Use temperatures from strictly before the sample, as in `_corrected`.
         self.without_temperature += int(np.sum(np.searchsorted(self._stamps, samples["stamp_ns"], side="left") == 0))
         out["angular_velocity"] = self._corrected(self.calibration.gyro, samples, "angular_velocity")
         out["linear_acceleration"] = self._corrected(self.calibration.accelerometer, samples, "linear_acceleration")

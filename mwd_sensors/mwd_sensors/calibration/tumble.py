@@ -288,7 +288,7 @@ def rests(
         Duration of the shortest interval at rest, s.
     quiet_rate, quiet_force : float
         A window of half a second is at rest if the range of each axis is below these limits, rad/s and m/s^2, and its
-        mean specific force differs from that of both neighbouring windows by less than half of `quiet_force`.
+        mean specific force differs from both neighbouring windows by less than half of `quiet_force`.
 
     Raises
     ------
@@ -353,7 +353,7 @@ class RunTemperature:
 
     @property
     def count(self) -> int:
-        """Number of parameters besides the matrix: bias and, if temperature varied, slopes of bias and scale."""
+        """Number of parameters in addition to the matrix: bias and, if temperature varied, slopes of bias and scale."""
         return 9 if self.varied else 3
 
     def corrected(self, y: Array, p: Array) -> Array:
@@ -387,7 +387,7 @@ def fit_sigmas(jacobian: Array, residual: Array, parts: int = 1, interleaved: bo
     """
     Return 1 sigma of the p parameters of a least-squares fit, shape (p,), from the scatter of its residuals.
 
-    jacobian, shape (n, p), and residual, shape (n,), are those of the solution. Each interval at rest has `parts`
+    jacobian, shape (n, p), and residual, shape (n,), belong to the solution. Each interval at rest has `parts`
     residuals, stored next to each other (interleaved) or in `parts` blocks with one residual of each interval. A slow
     drift of the sensor makes neighbouring residuals similar, so that fewer of them are independent. The result is
     therefore the larger of the ordinary sigma and the sigma by Newey and West (Econometrica 55, 1987), with lags up to

@@ -33,8 +33,8 @@ VECTORS = {
     wire.MAG.type_name: (("magnetic_field", 1e-2),),
 }
 # Sigma of a clipped axis, rad/s, m/s^2 and T. Sigmas from 0.5 to 1.25 times this value count as clipped, because a
-# turned unit spreads the variance over its axes. No variance in that range is a power of ten, which drivers that do not
-# know their covariance often write.
+# turned unit spreads the variance over its axes. No variance in that range is a power of ten, which drivers often
+# write for an unknown covariance.
 CLIPPED = {"angular_velocity": 20.0, "linear_acceleration": 200.0, "magnetic_field": 2e-3}
 _CLIPPED_LEAST, _CLIPPED_MOST = 0.5, 1.25
 ABSENT, UNBELIEVABLE, TOO_SMALL = "not provided", "no covariance", "a covariance that is not credible"

@@ -57,7 +57,7 @@ def open_regular(path: Path | str) -> int:
     Raises
     ------
     OSError
-        The file cannot be opened or is not a regular file (a folder, device or pipe); `strerror` says which.
+        The file cannot be opened or is not a regular file (a folder, device or pipe); `strerror` has the reason.
     """
     # Non-blocking, because opening a pipe would wait for its writer.
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -74,7 +74,7 @@ def check_regular(path: Path | str, budget: Budget) -> int:
     Raises
     ------
     OSError
-        The file cannot be opened, is not a regular file, or is larger than the budget; `strerror` says which.
+        The file cannot be opened, is not a regular file, or is larger than the budget; `strerror` has the reason.
     """
     handle = open_regular(path)
     try:
@@ -98,7 +98,7 @@ def read_file(path: Path | str, budget: Budget) -> bytes:
     ------
     OSError
         The file cannot be opened, is not a regular file (a folder, device or pipe), or is larger than the budget;
-        `strerror` says which.
+        `strerror` has the reason.
     """
     with os.fdopen(open_regular(path), "rb") as file:
         # Read in pieces: one read of the largest allowed size would allocate that much memory even for a short file.
@@ -180,7 +180,8 @@ def load_json(
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     budget.check("size", len(data))
     if budget.nesting is not None and _brackets(data) > budget.nesting:
-        # Brackets inside strings do not count; the strings are removed only if the fast count is above the limit.
+        # `_brackets` also counts brackets inside strings. Only if this depth is above the limit, repeat the slow way:
+        # remove the strings first.
         budget.check("nesting", _brackets(_TEXT.sub(b"", data)))
     try:
         return json.loads(text, parse_constant=parse_constant)
@@ -216,7 +217,7 @@ def load_yaml(text: str) -> Any:
     try:
         return yaml.load(text, _Loader)  # noqa: S506  (safe, and in C where built)
     except (ValueError, OverflowError) as error:
-        # A tag such as !!int requests a conversion of any text, and Python refuses some of them.
+        # A tag such as !!int requests a conversion, which fails if the text is not a number.
         raise yaml.YAMLError("a value does not fit its notation or tag") from error
 
 

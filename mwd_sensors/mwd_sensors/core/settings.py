@@ -129,7 +129,7 @@ def setting(
 
 
 def unit_of(name: str) -> str:
-    """Return the unit that the name of a setting says by its end, such as "m" for `look_ahead_m`; empty if none."""
+    """Return the unit at the end of the name of a setting, such as "m" for `look_ahead_m`; empty if there is none."""
     return next((unit for end, unit in _UNITS.items() if name.endswith(end)), "")
 
 

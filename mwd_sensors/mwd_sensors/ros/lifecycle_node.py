@@ -144,7 +144,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         """Stop working; keep everything that `activate` needs to continue."""
 
     def cleanup(self) -> None:
-        """Release what `configure` acquired, also if it failed, other than topics, services and timers."""
+        """Release what `configure` acquired, even if it failed; the base class releases topics, services and timers."""
 
     def check_settings(self, settings: T) -> None:
         """Raise ValueError for settings that the node cannot work with; such settings are refused, also at start."""

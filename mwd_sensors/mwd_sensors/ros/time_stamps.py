@@ -8,10 +8,10 @@ from std_msgs.msg import Header
 
 
 def stamp(stamp_ns: int) -> Time:
-    """Return the ROS time of nanoseconds since 1970."""
+    """Convert nanoseconds since 1970 to a ROS time."""
     return Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
 
 
 def header(stamp_ns: int, frame_id: str = "") -> Header:
-    """Return the header of a message of a time, ns since 1970, and a frame."""
+    """Return a message header with a stamp, ns since 1970, and a frame."""
     return Header(stamp=stamp(stamp_ns), frame_id=frame_id)

@@ -167,7 +167,11 @@ class Disturbance:
 
 
 def disturbance(interference: Interference, total: float, rng: np.random.Generator) -> Disturbance:
-    """Return an `Interference` in SI, with random poles drawn; total is the strength of the Earth's field, T."""
+    """
+    Convert an `Interference` to SI; draw the magnetic poles of the offset wells at random.
+
+    total: strength of the Earth's field, T.
+    """
     positions = [pole.position_m for pole in interference.poles]
     strengths = [pole.strength_uwb * 1e-6 for pole in interference.poles]
     for well in interference.offset_wells:

@@ -106,7 +106,9 @@ class HolePoint(NamedTuple):
 @compiled
 def assemble(path: WellPath, feed: Array, feed_dot: Array, turn: Array, shake: Array, out: Kinematics) -> None:
     """
-    Combine hole, feed, rotation and vibration: fill `out`, in which the caller has set the measured depths `md`.
+    Compute the motion of the tool from hole, feed, rotation and vibration, and write it to `out`.
+
+    The caller has set the measured depths `out.md`.
 
     feed and feed_dot, shape (n,): rate and acceleration of the measured depth, m/s and m/s^2. turn, shape (3, n): angle
     of the string, rad, with its rate and acceleration. shake, shape (6, 3, n): the channels of `vibration_sources`.

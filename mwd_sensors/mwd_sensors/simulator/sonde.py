@@ -80,7 +80,7 @@ class Sonde:
     battery : BatteryModel or None
         Battery, if the scenario has one.
     topics : dict of str to Layout
-        Topics of the blocks: those of `wire.SONDE_TOPICS`, the counts of the detector and the state of the tool.
+        Topics of the blocks: `wire.SONDE_TOPICS`, the counts of the detector and the state of the tool.
     link : TelemetryLink or None
         Telemetry link to the surface, if the scenario has one.
     """

@@ -117,7 +117,7 @@ class BagFiles:
             raise
 
     def close(self) -> None:
-        """Close the files, also those of `other`, and delete the temporary folder of unpacked files."""
+        """Close the files, including the files of `other`, and delete the temporary folder of unpacked files."""
         for file, _ in self.mcap:
             file.close()
         self.mcap = []

@@ -341,10 +341,10 @@ def _check_apart(reference: UncertainWell, offset: UncertainWell) -> None:
 
 def _library_survey(well: UncertainWell, near: float | None = None) -> Any:
     """
-    Return the well as a library object with points at most `_STEP` apart; covariances are interpolated linearly.
+    Return the well as a `Survey` of welleng with points at most `_STEP` apart; covariances are interpolated linearly.
 
-    near: measured depth, m, around which the points are ten times as dense, because the library interpolates between
-    two points.
+    near: measured depth, m, around which the points are ten times as dense, because welleng interpolates between two
+    points.
     """
     from welleng.survey import Survey, SurveyHeader
 

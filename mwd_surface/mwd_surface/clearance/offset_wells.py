@@ -259,7 +259,7 @@ def _wellhead(
     offset: OffsetWell, plan: Plan, wellhead: tuple[float, float] | None, north: North, reference: ErrorReference
 ) -> tuple[tuple[float, float], tuple[Remark, ...]]:
     """
-    Return north and east from the wellhead of the well being drilled to that of an offset well, m, and remarks.
+    Return north and east from the wellhead of the well being drilled to an offset wellhead, m, and remarks.
 
     Raises OffsetWellError if the wellheads are more than 20 km apart, or their map coordinates contradict north_m and
     east_m of the file.

@@ -112,7 +112,7 @@ def read_plan_option(path: Path | None, changes: Sequence[str] | None, well: Wel
     Raises
     ------
     ListFileError
-        The plan cannot be read, as in `read_plan`; options in the message are those of --plan-set.
+        The plan cannot be read, as in `read_plan`; the message names options of --plan-set.
     ValueError
         --plan-set is given without --plan, or has an unknown name or word (SettingsError).
     """

@@ -117,7 +117,7 @@ def _opened(
     where: str, configuration: ToolConfiguration, gauge: Path | None, columns: str, clock: Callable[[], float]
 ) -> SampleSource:
     """
-    Return the source of live samples for a name such as `modbus:HOST:PORT`; its times are those of `clock`, s.
+    Return the source of live samples for a name such as `modbus:HOST:PORT`; its times come from `clock`, s.
 
     Raises ValueError if the name has another form or does not fit the code of the tool.
     """

@@ -42,8 +42,8 @@ def run_graph(
     """
     Start the nodes, play the scenario until its end or an interrupt, and stop the nodes.
 
-    story: name of the scenario; namespace: that of the well; parameters: by node name; folder: gets the logs. Raises
-    typer.Exit with status 1 if the graph does not start.
+    story: name of the scenario; namespace: namespace of the well; parameters: by node name; folder: folder of the logs.
+    Raises typer.Exit with status 1 if the graph does not start.
     """
     import contextlib
     import os

@@ -66,13 +66,14 @@ def run(interface: Interface, person: Person | None, heartbeat_s: float) -> Iter
 
 def _refused(bench: Bench, lease: int, taken: bool, sequence: int = 1) -> tuple[bool, str]:
     """
-    Return whether a misuse was refused and the owner's set-point stays in force, and the observation as text.
+    Return whether a forbidden command was refused without effect on the owner of the lease, and a text that says so.
 
-    taken: whether the interface reported the misuse as accepted. sequence: number of the owner's set-point.
+    lease, sequence: numbers of the owner's lease and set-point, which must stay in force; taken: whether the interface
+    reported the command as accepted.
     """
     view = bench.view()
     if not taken and view.lease != lease:
-        # The misuse was refused, but the lease ended: a heartbeat of this program was late, or the MWD fell silent.
+        # The command was refused, but the lease ended: a heartbeat of this program was late, or the MWD fell silent.
         return (
             False,
             f"refused, but the owner lost its lease {lease} meanwhile (now {view.lease}); see the reason of its end",
@@ -443,7 +444,7 @@ def _abort(title: str, before: Callable[[Bench], object]) -> None:
         before(bench)
         done = bench.person.abort()
         bench.until(lambda: bench.interface.view().mode == Mode.RELEASE)
-        time.sleep(0.5)  # time for an unwanted grant of a waiting request
+        time.sleep(0.5)  # a waiting request must not be granted in this time
         view = bench.view()
         passed = done and (view.lease, view.mode, view.pending) == (0, Mode.RELEASE, 0)
         return passed, f"lease {view.lease}, mode {view.mode}, waits {view.pending}"

@@ -59,8 +59,8 @@ class _Lease:
     """
     Lease or waiting request.
 
-    since, ends, heard: time of the request, end of the lease, and time of the controller's last message that proves it
-    alive, steady time, s. waits: reason why a request waits; empty for a lease.
+    since, ends, heard: times of the request, of the end of the lease, and of the last message that proves that the
+    controller is alive; steady time, s. waits: reason why a request waits; empty for a lease.
     """
 
     number: int

@@ -300,9 +300,9 @@ class Machine:
         """
         Longest time from the last symbol to the answer, s.
 
-        The time is that of sending the longest sequence twice, by the slower of two configurations, plus one symbol and
+        The time is enough to send the longest sequence twice, by the slower of two configurations, plus one symbol and
         the delay of receiver and depth. The configurations are the present one, and the commanded one while its answer
-        is awaited, else that of the tool as delivered.
+        is awaited, else the configuration of the tool as delivered.
         """
         slowest = 0.0
         for tool in (tool_commands.applied(self.tool, self.in_force), self.expected or self.tool):

@@ -131,7 +131,7 @@ class Language:
     entries : mapping
         Translation of each English text; empty for English.
     decimal, name : str
-        Decimal mark, and name of the language in the language; by default those of Babel for the code.
+        Decimal mark, and name of the language in the language; by default as in Babel for the code.
     """
 
     def __init__(self, code: str, entries: Mapping[str, str], decimal: str = "", name: str = "") -> None:
@@ -317,7 +317,7 @@ def language_of_commands(environment: Mapping[str, str]) -> Language:
     """
     Return the language of the command line from the environment variables.
 
-    The rules are those of gettext: the first variable of `VARIABLES` that is set is used. The variable may list several
+    The rules of gettext are used: the first variable of `VARIABLES` that is set is used. The variable may list several
     languages, separated by colons; the first language with a catalogue is used, or else English.
     """
     for code in next((environment[one] for one in VARIABLES if environment.get(one)), "").split(":"):

@@ -254,7 +254,7 @@ class _Cells:
 
 
 def _row(at: str, cells: list[Cell]) -> list[Row]:
-    """Return a list with the row, without the empty cells at its end; an empty list if the whole row is empty."""
+    """Return a list with one row, without the empty cells at its end; an empty list if all cells are empty."""
     width = max((j for j, cell in enumerate(cells, start=1) if _said(cell)), default=0)
     return [Row(at, tuple(cells[:width]))] if width else []
 

@@ -217,7 +217,7 @@ def _cause(columns: tuple[Array, Array, Array], positions: Array) -> str:
         "the azimuths are from another north than the north and east columns, which are turned from them by"
         f" {math.degrees(turn):+.2f} deg"
     )
-    # Each entry: the words, and the angles and positions with that mistake undone.
+    # For each mistake: its name for the message, and the angles and positions without the mistake.
     ways = (
         (dips, (md, right - inc, azi), positions),
         (f"{dips}; positive ones point up", (md, right + inc, azi), positions),

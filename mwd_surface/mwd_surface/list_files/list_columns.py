@@ -532,8 +532,8 @@ def factor(column: ListColumn, at: str, given: Given | None = None, otherwise: s
     """
     Return the factor that converts a column to SI units: m, rad, T or m/s^2.
 
-    at: place of the column in the file. given: units that the caller states, which replace that of the column.
-    otherwise: unit from the head of the list, for a column that states none. An angle without any unit is in deg.
+    at: place of the column in the file. given: units that the caller states; they replace the unit of the column.
+    otherwise: unit from the head of the list, for a column without a unit. An angle without any unit is in deg.
 
     Raises
     ------
@@ -593,7 +593,7 @@ def _parted(name: str) -> tuple[str, list[str]]:
 
 def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
     """Return the quantity that the first words name ("" if none), the words after them, and the north in the words."""
-    # Look for the longest run of first words that is a name. A name that starts later follows a north or a filler word.
+    # Find the longest name of a quantity at the beginning, then a name after a north or a filler word.
     for size in range(len(words), 0, -1):
         joined = " ".join(words[:size])
         if joined in _NAMES:

@@ -555,9 +555,9 @@ class _ListReader:
         """
         Return the unit for a column of lengths whose name and cells have no unit.
 
-        The result is the unit that the head states, else that of the other lengths of the list, else that of the
-        datum's elevation or of the coordinates in the head; "" if there is none. Raises ListFileError if the head
-        states a unit that is not understood.
+        The unit comes from, in this order: the head, the other lengths of the list, the elevation of the datum or the
+        coordinates in the head. The result is "" if none of these has a unit. Raises ListFileError if the head states
+        a unit that is not understood.
         """
         if self.head.strange_unit:
             raise ListFileError(
@@ -677,8 +677,9 @@ class _ListReader:
         """
         Return the stations with inclinations computed from their angles from the horizontal.
 
-        The caller decides the sign of the angles, or else the vertical depths, the list, or the convention of the well.
-        Raises ListFileError if none decides, if the caller contradicts the vertical depths, or for angles above 90 deg.
+        The sign of the angles comes from, in this order: the caller, the vertical depths, the list, the convention of
+        the well. Raises ListFileError if none of these gives the sign, if the caller contradicts the vertical depths,
+        or for angles above 90 deg.
         """
         column = self.columns["dip"]
         dips = np.array([one.numbers["dip"] for one in found])

@@ -3,7 +3,7 @@
 Conversion of the north and east columns of a list to offsets from the wellhead, if they are map coordinates.
 
 No point of a hole is farther from the wellhead than its measured depth. Positions farther away are map coordinates or
-offsets from another point. The wellhead is subtracted if it is known; otherwise the error asks for it.
+offsets from another point. A known wellhead is subtracted; if it is unknown, the error asks for the wellhead.
 """
 
 from __future__ import annotations

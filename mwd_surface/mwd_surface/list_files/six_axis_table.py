@@ -186,7 +186,7 @@ def _printed(
         turn, azimuth = north_correction(reference, north), of(f"azimuth_{north}")
         if turn is not None and math.isfinite(azimuth):
             return of("inclination"), azimuth - turn
-    # An azimuth without a named north is taken from the best north that the reference allows.
+    # An azimuth without a named north is assumed to be from `best_north`.
     return of("inclination"), of("azimuth") - (north_correction(reference, best_north(reference)) or 0.0)
 
 

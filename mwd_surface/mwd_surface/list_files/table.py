@@ -377,7 +377,7 @@ def _with_above(grid: Sequence[Row], k: int, count: int, is_header: Header) -> t
 
 
 def _stacked(rows: Sequence[Row]) -> list[str]:
-    """Return the column names that stand in several rows, joined column by column."""
+    """Return the column names, joined from several header rows column by column."""
     width = max(len(row.cells) for row in rows)
     parts = ([str(row.cells[k]) for row in rows if k < len(row.cells)] for k in range(width))
     return [" ".join(part for part in column if part.strip() and not _RULE.match(part)).strip() for column in parts]
@@ -387,9 +387,10 @@ def _spaced(
     lines: Sequence[tuple[int, str]], name: str, is_header: Header
 ) -> tuple[list[Row], tuple[int, int], list[str]] | None:
     """
-    Split rows at spaces if column names have several words; each word belongs to the column below it.
+    Split rows at spaces; assign each word of the header to the column below it, so that a name may have several words.
 
-    Return the rows, the index and number of the rows of names, and the names; None if there are no names.
+    Return the rows, the index of the first header row, the number of header rows, and the names; None if no header is
+    found.
     """
     tokens = [list(re.finditer(r"\S+", line)) for _, line in lines]
     grid = [
@@ -417,7 +418,8 @@ def _spaced(
         if numeric[line] or ":" in lines[line][1] or (count > 1 and lines[line + 1][0] - lines[line][0] > 1):
             # This line holds numbers, belongs to the head of the list, or follows a gap: it is not part of the names.
             break
-        # Try the line split like the rows, else its words above the columns, joined with those of the lines below.
+        # Read the line in two ways: split at wide spaces, and with each word assigned to the column below it. Join the
+        # result with the names from the lines below.
         text = lines[line][1].strip()
         names = [f"{a} {b}".strip() for a, b in zip(_placed_above(tokens[line], spans), names, strict=True)]
         wide = re.split(r"\s{2,}|\t", text)
@@ -437,7 +439,7 @@ def _spaced(
 
 
 def _aligned(row: Row, words: Sequence[re.Match[str]], spans: Sequence[tuple[int, int]]) -> Row:
-    """Return a short row of numbers with each cell in the column above it; any other row unchanged."""
+    """Return a row of numbers that lacks cells, with each number in the column at its position; others unchanged."""
     if not 1 < len(words) < len(spans) or not all(looks_like_number(word.group()) for word in words):
         return row
     under = [[k for k, span in enumerate(spans) if min(span[1], w.end()) > max(span[0], w.start())] for w in words]
@@ -501,7 +503,7 @@ def _assembled(
             # Skip an empty row or a ruled line.
             continue
         if not rows and is_unit is not None and is_unit([str(cell) for cell in row.cells]):
-            # A second line of this kind may give datum and north.
+            # A line of units; a second such line may give datum and north.
             more = tuple(str(cell) for cell in row.cells[: len(names)]) + ("",) * (len(names) - len(row.cells))
             units = tuple(f"{unit} {word}".strip() for unit, word in zip(units, more, strict=True))
             above.add(_plain(row))

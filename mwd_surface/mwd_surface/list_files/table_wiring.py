@@ -191,7 +191,7 @@ def _wirings(f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, pri
     fits = (np.abs(dips - dip[known]) < _DIP_FITS).mean(axis=2) if known.any() else np.ones((len(f), len(b)))
     off = _directions_off(f, b, printed_inclination, printed)
     if off is not None and off[_AS_IT_IS, _AS_IT_IS] > _DIRECTION_OFF:
-        # Compare with the angles in the table: of the wirings that fit them, keep those with the best dips.
+        # Compare with the angles in the table. Among the wirings that fit these angles, keep those with the best dips.
         fitting = (off < _DIRECTION_FITS) & (_BETTER * off < off[_AS_IT_IS, _AS_IT_IS])
         fitting &= fits >= max(float(fits[_AS_IT_IS, _AS_IT_IS]), 1.0 / len(dip))
     elif _independent(f_t, b_t) and fits[_AS_IT_IS, _AS_IT_IS] <= _FEW:

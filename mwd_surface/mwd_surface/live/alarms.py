@@ -102,7 +102,7 @@ class AlarmLog:
         self._alarms: dict[str, Alarm] = {}
         self._events: deque[Event] = deque(maxlen=max_events)
         self._max_alarms = max_alarms
-        #: Changes whenever alarms or events change.
+        #: Number that changes with every change of the alarms or events.
         self.version = 0
         #: Number of events logged so far.
         self.logged = 0
@@ -214,7 +214,7 @@ class AlarmLog:
         self.version += 1
 
     def _has_room(self, alarm: Alarm) -> bool:
-        """Return whether a new alarm has room, after the oldest inactive alarm was dropped if it must be."""
+        """Return whether there is room for a new alarm; if there is none, drop the oldest inactive alarm first."""
         if len(self._alarms) < self._max_alarms:
             return True
         gone = min((a for a in self._alarms.values() if not a.active), key=lambda a: a.raised_ns, default=None)

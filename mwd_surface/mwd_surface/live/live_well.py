@@ -568,7 +568,8 @@ class SupervisionMonitor:
         """Note the time of arrival of a message of a topic."""
         now = self._received_at[topic] = self._clock.now
         if topic == "imu/data_raw":
-            # The sonde sends even if its magnetometer is silent. These samples are not decoded here, so count none.
+            # IMU samples show that the sonde sends, even if its magnetometer is silent. They are decoded elsewhere, so
+            # count 0 samples.
             self._live.on_stream("sonde", 0, now)
 
     def on_heartbeat(self, beat: Any) -> None:

@@ -29,7 +29,7 @@ def recorded_samples(bag: Bag, well: str = "", source: str = DIRECT) -> list[Log
     Raises
     ------
     BagError
-        The recording has no log samples, or it has those of several wells and `well` is empty.
+        The recording has no log samples, or it has log samples of several wells and `well` is empty.
     """
     for relative in TOPICS:
         name = topic_of(bag, relative, LogSample.MESSAGE, well)

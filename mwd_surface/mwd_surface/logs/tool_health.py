@@ -33,8 +33,8 @@ _HELD_S, _HELD_TEMPERATURE_S = 120.0, 1800.0
 # delivers a sample later than this; `DepthLog` uses the same rule with a shorter time.
 _JUMP_NS = 3600 * NANOSECONDS
 _FLOW_HELD_S = 60.0  # longest gap between two rig messages over which the pumps are known not to change, s
-# A gap above _FLOW_HELD_S is a silence, for which the charge is assumed: during the first _SILENCE_HELD_S, s, that of
-# the last known state of the pumps, then that of idle pumps. A gap above _LONGEST_SILENCE_S, s, means a wrong clock.
+# In a gap above _FLOW_HELD_S the charge is assumed: during the first _SILENCE_HELD_S, s, the charge for the last known
+# state of the pumps, then the charge for idle pumps. A gap above _LONGEST_SILENCE_S, s, means a wrong clock.
 _SILENCE_HELD_S, _LONGEST_SILENCE_S = 3600.0, 30 * 86400.0
 _LEAST_COUNTED_S = 600.0  # shortest time over which the charge must be known to compute the mean current, s
 # Battery of a usual kit, used if the tool file states none; relative 1 sigma of its capacity and of its currents.
@@ -101,7 +101,7 @@ class Exposure:
     limit : float
         Lowest level that uses up life; the tool withstands lower levels without limit.
     assumed : bool
-        Whether the limit is that of a usual kit, because the tool file states none.
+        Whether the limit is the usual one of such a kit, because the tool file states none.
     """
 
     source: str
@@ -183,7 +183,7 @@ class _Series:
         return {name: getattr(self, name) for name in _SUMS_OF_SERIES} | {"bins": sorted(self.bins.items())}
 
     def restore(self, sums: Mapping[str, Any]) -> None:
-        """Replace the sums by those of an earlier run of the surface, whose bins may have another width."""
+        """Replace the sums by sums of an earlier run of the surface, whose bins may have another width."""
         for name, kind in _SUMS_OF_SERIES.items():
             if name != "width":
                 setattr(self, name, kind(sums[name]))
@@ -226,7 +226,7 @@ class HealthLedger:
 
     Attributes
     ----------
-    battery : Battery
+    battery : BatteryLimits
         Capacity, currents and sigmas from the tool file, else those of a usual kit.
     version : int
         Number that increases with every sample in the account.

@@ -296,7 +296,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         """
         Publish the attitude twice and the quality once per second of sample time.
 
-        While no samples arrive, the seconds are those of the monotonic clock.
+        While no samples arrive, the seconds come from the monotonic clock.
         """
         for one in self._inputs:
             link = one.feed.link

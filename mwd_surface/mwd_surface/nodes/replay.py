@@ -361,7 +361,7 @@ def profile(recorded: str) -> QoSProfile:
     recorded: QoS profiles of the recorded publishers, as YAML in the recording. A publisher discards messages that
     exceed its depth, even if a subscriber has not acknowledged them, and a replay publishes faster than the sensor: the
     depth is therefore `LONG_QUEUE`. A latched topic gets the recorded depth (at least 10), because the depth determines
-    the messages that late subscribers receive. If `recorded` cannot be read, the profile is that of a stream.
+    the messages that late subscribers receive. If `recorded` cannot be read, the profile of a stream is used.
     """
     try:
         first = parse_qos(recorded)[0]

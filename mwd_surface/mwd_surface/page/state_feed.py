@@ -135,7 +135,7 @@ class StateFeed:
         """
         Return a message for a client, the `Seen` of the client after the message, and whether any section is new.
 
-        The message has the sections that the client does not know yet. seen: state known to the client. skipped: number
+        The message has the sections that the client has not received yet. seen: state of the client. skipped: number
         of states that the client did not get.
 
         `now` in the message is the time at which the message was made, for the ages of values. `state_at` is the time

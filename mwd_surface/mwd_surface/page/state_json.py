@@ -61,7 +61,8 @@ class StateJson:
     Sections of the page with their revisions.
 
     A section is kept until one of the parts of the state from which it is made changes. revised_from: sections of an
-    earlier state, for example before a recording was rewound; the revisions continue above those of these sections.
+    earlier state, for example before a recording was rewound; the revisions continue above the revisions of these
+    sections.
     """
 
     def __init__(self, settings: LiveSettings | None = None, revised_from: StateJson | None = None) -> None:

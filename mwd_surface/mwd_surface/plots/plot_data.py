@@ -489,8 +489,8 @@ class Spectrum:
 # Allan deviation of a record of any length, in constant memory.
 
 
-# For averaging times shorter than the time of this many stored means, the curve is computed from the first `capacity`
-# samples of the record, before any samples were averaged.
+# For averaging times shorter than the duration of this number of stored means, the curve is computed from the first
+# `capacity` samples of the record, before any samples were averaged.
 _FROM_MEANS = 16
 
 

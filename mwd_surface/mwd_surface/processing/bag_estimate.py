@@ -297,7 +297,7 @@ class BagEstimate:
 
     def _check_units(self, samples: BlockSamples) -> None:
         """
-        Check the units of the first IMU and magnetometer samples, unless the settings are those of the live list.
+        Check the units of the first IMU and magnetometer samples, unless they are the settings of the live list.
 
         A magnetometer whose readings are implausible in every unit is not used. Raises OptionNeededError if readings
         look like another unit.

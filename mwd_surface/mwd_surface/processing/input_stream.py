@@ -244,7 +244,7 @@ class RecordingStream:
     Attributes
     ----------
     names : list of str
-        Resulting topics: the halves of an IMU become one topic, that of the gyro.
+        Resulting topics: the halves of an IMU become one topic, the topic of the gyro.
     """
 
     def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings) -> None:
@@ -520,7 +520,7 @@ def _without_delays(courses: list[_Course]) -> list[_Course]:
     Return the courses without those that have few messages or come from a delay; join nearly equal courses.
 
     If all courses have few messages, none is left out for that. A course comes from a delay if it is short, no set
-    clock began it, and its smallest offset is above that of the courses before and after.
+    clock began it, and its smallest offset is above the offset of the courses before and after.
     """
     courses = [course for course in courses if course.count >= _FEW] or courses
     kept: list[_Course] = []

@@ -394,7 +394,7 @@ def _missing(topics: Topics, reading: _InspectionPass, mount: Mount, reason: str
 
 def _day(reading: _InspectionPass, imu: str) -> str:
     """
-    Return the date for the field model: the given date, else that of the first sample.
+    Return the date for the field model: the given date, else the date of the first sample.
 
     Returns "" if no model is used, or if no date is given and the clock was not set.
     """

@@ -61,7 +61,7 @@ class Rests:
         self._open = stamps[starts[-1] :], values[starts[-1] :]
         if len(starts) < 2:
             return
-        # Judge all half seconds except the last one, which may continue.
+        # Leave out the last half second, whose samples may not be complete.
         counts, values = np.diff(starts), values[: starts[-1]]
         mean = np.add.reduceat(values, starts[:-1]) / counts[:, None]
         away = values - np.repeat(mean, counts, axis=0)

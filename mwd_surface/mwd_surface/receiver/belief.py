@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Probability that a decoded word is right, and that the tool configuration is the one the tool uses.
+Probability that a decoded word is right, and that the receiver and the tool use the same configuration.
 
 With a wrong word table, a wrong pulse width or no tool at all, a parity holds by chance half the time and pulses lie
 between the windows of the table, or two in one window. No word can be trusted then. A table can also be right up to one
@@ -21,14 +21,15 @@ from mwd_sensors.core.arrays import Array
 # Prior probabilities that the table is wrong from the first word on, and that a second tool of the same kind starts
 # together with the first.
 _FAILING, _SECOND_TOOL = 0.05, 0.01
-# Priors of a transmission after one with a right table and a single tool, as a share of those above. The share is not
-# smaller, because another sequence, a second tool or a false sync remain possible.
+# Factor on the priors above after a transmission with a right table and a single tool. The factor is not smaller,
+# because another sequence, a second tool or a false sync remain possible.
 _ANEW = 0.25
-# Probability that the table becomes wrong at a word, because that word is longer or shorter than in the table, or that
-# a second tool begins, and that a second tool falls silent; and that a wrong table becomes right again, for example
-# after a disturbance of several words.
+# _BECOMES_WRONG: probability, per word, that the table becomes wrong, because the word is longer or shorter than in the
+# table or a second tool begins; also that a second tool falls silent. _BECOMES_RIGHT: probability, per word, that a
+# wrong table becomes right again, for example after a disturbance of several words.
 _BECOMES_WRONG, _BECOMES_RIGHT = 0.002, 0.02
-# States of the chain: a right table and a single tool, a wrong table, or two tools; the rows are the states before.
+# States of the Markov chain: right table and single tool, wrong table, two tools. Each row of `_CHANGES` holds the
+# transition probabilities from one state.
 _RIGHT, _WRONG, _TWO = range(3)
 _CHANGES = np.array(
     [
@@ -37,20 +38,20 @@ _CHANGES = np.array(
         [_BECOMES_WRONG, 0.0, 1.0 - _BECOMES_WRONG],
     ]
 )
-# Least confidence with which a word of a survey and a word of a toolface sequence are believed.
+# Smallest confidence at which a word of a survey, or of a toolface sequence, is accepted.
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
-# Probability that a word does not fit although the table is right, so that one odd word in a hundred does not decide.
+# Probability that a word does not fit although the table is right. With it, a single odd word does not decide.
 _SLIP = 0.01
-# Largest log likelihood ratio of the pulses of one word in favour of the table. It is small, because the pulses lie in
-# the windows also if the table is wrong in another way, for example in its parities.
+# Largest log likelihood ratio of the pulses of one word in favour of the table. The ratio is small, because the pulses
+# also lie in the windows of a table that is wrong in another way, for example in its parities.
 _MOST_FIT = 0.5
 
 
-# Sizes of the pulses of the syncs of two tools together, relative to those of one tool: evenly distributed, because the
-# second tool is nearer or farther. The pulses of a single tool change their size by this share (1 sigma), because the
-# well changes.
+# _SYNC_SIZES: range of the pulse size of a sync from two tools, relative to one tool; evenly distributed, because the
+# distance of the second tool is unknown. _SIZE_CHANGES: relative change of the pulse size of a single tool, 1 sigma,
+# because the well changes.
 _SYNC_SIZES, _SIZE_CHANGES = (1.25, 2.25), 0.07
-# Greatest log likelihood ratio for a second tool by the size of a sync: the parities of the words can outweigh it.
+# Largest log likelihood ratio for a second tool from the size of a sync; the parities of the words can outweigh it.
 _MOST_SECOND = 8.0
 
 
@@ -137,8 +138,8 @@ class Doubt:
         """
         ratio = min(_sync_evidence(size, sigma), _MOST_SECOND)
         chances = self._chances.copy()
-        # A sync of the usual size excludes the second tool. Otherwise its small probability would grow with each word
-        # of a wrong parity, whose pulses lie in the windows, too.
+        # A sync of the usual size excludes the second tool. Otherwise the small probability of a second tool would
+        # grow with each word of a wrong parity, because its pulses also lie in the windows.
         chances[_TWO] = max(chances[_TWO], _SECOND_TOOL * chances[_RIGHT]) * math.exp(ratio) if ratio >= 0.0 else 0.0
         self._chances = chances / chances.sum()
 
@@ -146,7 +147,7 @@ class Doubt:
         """
         Add decoded words; return the probability of each that it has a meaning and that its pulses fit.
 
-        Later words count for earlier ones, too: a word between words whose pulses do not fit is not trusted.
+        Later words change the probability of earlier words: a word between words that do not fit is not trusted.
         """
         likelihoods = [_likelihoods(word) for word in words]
         forward = []
@@ -179,10 +180,14 @@ def _probability(odds: float) -> float:
 
 
 def _likelihoods(word: Soft) -> Array:
-    """Return the likelihood of a word in each state of the chain, relative to a wrong table; shape (3,)."""
+    """
+    Return the likelihood of a word for a right table, a wrong table and two tools, shape (3,).
+
+    The likelihoods are divided by the likelihood for a wrong table.
+    """
     parity = 0.0 if word.holds is None else math.log((_SLIP + (1.0 - 2.0 * _SLIP) * word.holds) / 0.5)
     fits = 0.0 if math.isnan(word.fits) else min(word.fits, _MOST_FIT)
-    # Pulses of two tools that start together lie in the windows, too, but their parities hold by chance.
+    # Pulses of two tools that start together also lie in the windows, but their parities hold only by chance.
     right, two = ((1.0 - _SLIP) * math.exp(one + fits) + _SLIP for one in (parity, 0.0))
     return np.array([right, 1.0, two])
 

@@ -86,7 +86,7 @@ class FlowSpans:
         """
         Return whether a time without flow, or a data gap that may hide one, lies between two times, s.
 
-        Only a time without flow or a gap counts that is long enough for a survey.
+        Only times and gaps that are long enough for a survey count.
         """
         return any(
             from_s <= span.start_s and span.end_s <= until_s and span.end_s - span.start_s >= SURVEY_S

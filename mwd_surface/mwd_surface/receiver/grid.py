@@ -39,7 +39,7 @@ class Grid:
 
     @property
     def end(self) -> int:
-        """Position after the last value."""
+        """Position (number of the value since the start) after the last value."""
         return self.first + len(self._values)
 
     def append(self, values: Array, known: Array) -> None:
@@ -61,7 +61,7 @@ class Grid:
         self._known = np.concatenate([self._known, known])
 
     def forget(self, before: int) -> None:
-        """Drop the values before a position."""
+        """Drop the values and the strokes before position `before`."""
         drop = min(max(before - self.first, 0), len(self._values))
         self._values, self._known = self._values[drop:], self._known[drop:]
         self.first += drop

@@ -2,8 +2,8 @@
 """
 Wrong stamps of single samples or bursts, and clocks that are set: one wrong stamp must cost one sample only.
 
-A time more than `STEP_S` from the time before it is believed if the next time follows it, and wrong if the next time is
-nearer to the one before.
+If a time differs by more than `STEP_S` from the previous time, the next time decides: the time is right if the next
+time follows it, and wrong if the next time is nearer to the previous time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def lone(times: Array) -> NDArray[np.bool_]:
 
     A time is lone if it is more than `STEP_S` below or above both of its neighbours, which are in order. The first time
     is lone if it is more than `STEP_S` above the next two, the last time if it is more than `STEP_S` below the two
-    before it; each is lone, too, if it is more than `LONGEST_GAP_S` away from the others.
+    before it. The first or last time is also lone if it is more than `LONGEST_GAP_S` away from the others.
     """
     wrong = np.zeros(len(times), dtype=bool)
     if len(times) < 3:

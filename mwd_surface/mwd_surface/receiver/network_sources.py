@@ -308,7 +308,7 @@ class _Format:
         self._stamps: table_times.Stamps | None = None
         if layout.time is not None:
             cells = [cell for cell in _column(rows, layout.time) if cell]
-            # If the decimal mark of the times is ambiguous, use that of the pressure.
+            # If the decimal mark of the times is ambiguous, use the mark of the pressure.
             with contextlib.suppress(ValueError):
                 self._time_mark = pressure_table.mark_of(cells, every, layout.time_unit, decimal)
             numbers = _numbers(cells, self._time_mark, layout.time_unit)

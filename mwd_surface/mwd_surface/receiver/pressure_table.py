@@ -552,7 +552,7 @@ class _TableFile:
 
     def _split(self, numbers: Sequence[int]) -> list[list[str]]:
         """
-        Return the cells of columns separated by spaces; of a LAS file, those of the section ~A.
+        Return the cells of columns separated by spaces; of a LAS file, the cells of the section ~A.
 
         Comments, and lines with too few cells, are left out.
         """

@@ -19,12 +19,12 @@ from mwd_sensors.core.compiled import compiled
 from mwd_surface.receiver.clipping import Declipper
 
 # Half width of the kernel and its cut-off, in steps of the grid. With 8 steps per TU, 0.2 / step is 1.6 / TU; a pulse
-# of 2 TU has 2 % of its energy above that.
+# of 2 TU has 2 % of its energy above this frequency.
 _HALF_STEPS = 10.0
 _CUT_OFF = 0.2
-# Smallest deviation of a spike from the interpolation, in usual deviations; and range of the deviation of its
-# neighbours in the opposite direction, as a share of the spike, which enters their interpolation with a weight of two
-# thirds. The neighbours of a steep pulse deviate in the direction of the pulse.
+# _SPIKE: smallest deviation of a spike from the interpolation, in usual deviations. _SPIKE_SHARES: range of the
+# opposite deviation of its neighbours, as a share of the spike; their interpolation contains two thirds of the spike.
+# The neighbours of a steep pulse deviate in the direction of the pulse.
 _SPIKE, _SPIKE_SHARES = 8.0, (0.4, 0.9)
 # Number of samples over which the usual deviation is averaged, and largest deviation that enters the average, in usual
 # deviations.

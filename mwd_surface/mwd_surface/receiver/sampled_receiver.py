@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Common base of the receivers of sampled signals: resampling onto an even grid, then steps as far as it reaches."""
+"""Common base of receivers of sampled signals: resample onto an even grid, then decode up to the end of the grid."""
 
 from __future__ import annotations
 

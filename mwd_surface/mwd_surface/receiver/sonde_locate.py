@@ -3,8 +3,8 @@
 Locate the coil of a sonde from the strength of its field at points on the surface.
 
 The coil is a dipole along the tool axis. Position, direction and moment are fitted to the readings by least squares;
-pitch and moment are known from the words of the sonde and from a calibration, each with its sigma. A receiver does not
-know the sign of an alternating field, only how its three components relate, so the sign of each reading is free.
+pitch and moment are known from the words of the sonde and from a calibration, each with its sigma. A receiver cannot
+measure the sign of an alternating field, only the relative signs of its components. The sign of each reading is free.
 Conduction of the ground is neglected: see `docs/methods/coil_link.md` for the distance up to which that holds.
 """
 
@@ -33,8 +33,8 @@ _OTHER_CHI2 = float(scipy.stats.chi2.ppf(0.99, 1))
 _UNLIKELY = 1e-3
 # Sigma of the position as a share of the depth, and of the azimuth in rad, above which propagation is not linear.
 _LOOSE = 0.3
-# Smallest singular value of the fit, relative to the largest, for which the readings determine a direction of the
-# unknowns in spite of rounding.
+# A smaller singular value of the fit, relative to the largest, comes from rounding: the readings do not determine this
+# combination of the unknowns.
 _LEAST_WEIGHT = 1e-6
 
 

@@ -32,7 +32,7 @@ class Backoff:
 
     def wait(self, failures: int) -> float:
         """
-        Return the wait before the next attempt, s, after so many consecutive failures, 1 or more.
+        Return the wait before the next attempt, s, after a number of consecutive failures, 1 or more.
 
         The wait has a random factor, so that several units do not retry at the same time.
         """

@@ -252,7 +252,7 @@ def page_port(port: int) -> CheckResult:
 
 def clock() -> CheckResult:
     """
-    Return NOTE if no service synchronises the clock, else OK, also if this is unknown.
+    Return NOTE if no service synchronises the clock, else OK, even if this is unknown.
 
     Stamps of different machines are compared, so their clocks should agree.
     """

@@ -201,7 +201,7 @@ class Player:
         at_s, back = self.clipped(at_s), self.clipped(at_s) < self.at_s
         if back:
             self._begin()
-        self.advance(0.0)  # plays the messages of this moment, also the first one of a recording
+        self.advance(0.0)  # plays the messages of this moment, including the first message of a recording
         ends = time.monotonic() + patience_s
         while self.at_s < at_s and time.monotonic() < ends:
             self.advance(min(_STEP_S, at_s - self.at_s))

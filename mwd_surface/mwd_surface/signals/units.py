@@ -105,8 +105,9 @@ def _unit(
     """
     Return the conversions of a unit.
 
-    The unit of a Modbus register is that of people unless `register` names another. The unit of a WITS item, metric or
-    fps, is that of the register unless `item` or `fps` names another.
+    The unit of a Modbus register is `people` unless `register` names another. The metric unit
+    of a WITS item is the unit of the register unless `item` is given; the fps unit is the metric one unless `fps` is
+    given.
     """
     modbus = register or people
     metric = item or modbus

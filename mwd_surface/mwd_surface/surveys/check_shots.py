@@ -193,8 +193,8 @@ def _covariance(force: Array, field: Array, errors: SensorErrors, tools: list[st
     """
     Return the covariance of (inclination, raw azimuth) of n shots, rad^2, shape (2, 2, n, n).
 
-    The covariance is that of the errors of the tool code, which shots of the same tool share, and of the repeatability
-    of each reading.
+    The covariance contains the errors of the tool code, which shots of the same tool share, and the repeatability of
+    each reading.
     """
     slopes = magnetic_geometry.angle_jacobian(force, field)[:, :2]
     count = len(force)
@@ -250,8 +250,8 @@ def _biases(force: Array, field: Array, errors: SensorErrors) -> tuple[Bias, ...
         # |r|^2 = 2 c r + const is linear in the centre c (I. Kasa, IEEE Trans. Instrum. Meas. 25 (1976), 8-14).
         design = np.column_stack([2.0 * across / radius, np.ones(len(across))])
         solved = np.linalg.lstsq(design, np.sum(across**2, axis=1) / radius, rcond=None)[0]
-        # The error of |r|^2 / radius is twice that of a reading; unequal scale errors of the axes turn the circle into
-        # an ellipse.
+        # The error of |r|^2 / radius is twice the error of a reading; unequal scale errors of the axes turn the circle
+        # into an ellipse.
         sigmas = 2.0 * math.hypot(repeat, scale * radius) * np.sqrt(np.diagonal(np.linalg.inv(design.T @ design)))
         found += [Bias(sensor, axis, float(solved[k]), float(sigmas[k]), expected) for k, axis in enumerate(("y", "z"))]
     return tuple(found)

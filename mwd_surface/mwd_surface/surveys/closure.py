@@ -29,7 +29,7 @@ CONSISTENT, DOUBTFUL, INCONSISTENT, UNKNOWN = "consistent", "doubtful", "not con
 # Limits of the probability of a larger closure error by chance. Below the first limit the closure is doubtful, below
 # the second it is not consistent. The verdict of a survey uses the same limits.
 _DOUBTFUL, _INCONSISTENT = 0.01, 0.001
-_SAME = 1e-3  # largest difference in measured depth at which a station counts as lying at the surveyed point, m
+_SAME = 1e-3  # a station at most this far from the surveyed point in measured depth lies at the point, m
 
 
 @dataclasses.dataclass(frozen=True)

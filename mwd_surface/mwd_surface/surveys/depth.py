@@ -26,7 +26,7 @@ NS = 1e-9
 _REMEMBERED = 100  # number of rejected readings, and of jumps, that are kept to judge the depth of a survey
 # Number of latest readings used to compare the clocks of rig and sonde; the difference of smallest magnitude counts
 _COMPARED = 60
-_FEWEST = 10  # smallest number of readings with which the clocks are compared
+_FEWEST = 10  # smallest number of readings for comparing the clocks
 _BY_HAND = "or give the depth by hand"
 _NEW_START_NS = 60_000_000_000  # step back of the time from which a sonde has restarted, ns
 

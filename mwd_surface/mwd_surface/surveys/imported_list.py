@@ -160,7 +160,7 @@ def reference_in(surveys: SurveyList) -> Reference | None:
 
 
 def _reference_figures(reference: Reference | None) -> dict[str, float]:
-    """Return the known values of a reference by name of the `Survey` attribute."""
+    """Return the known values of a reference; the keys are attributes of `Survey`."""
     values = {field: getattr(reference, name, None) for name, field in REFERENCE_FIELDS.items()}
     return {field: value for field, value in values.items() if value is not None}
 

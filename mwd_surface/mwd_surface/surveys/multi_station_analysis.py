@@ -36,7 +36,7 @@ from mwd_surface.surveys.multi_station_problem import corrected as corrected_rea
 
 __all__ = ["Multistation", "analyse"]
 
-# Smallest number of stations from which the noise is estimated.
+# Smallest number of stations for estimating the noise.
 _MANY = 8
 # Misfit, in sigma, above which a station is left out, and largest share of stations that may be left out. The analysis
 # is refused if there are more outliers.

@@ -512,7 +512,7 @@ def _with_value(record: SurveyRecord, value: Value) -> SurveyRecord:
     """
     Return the record with one of its values made definitive; no value is lost.
 
-    Nothing changes if the definitive value is asked for, or the first value of a record without one.
+    Nothing changes if the definitive value is requested, or the first value of a record that stores no first value.
 
     Raises ValueError if `value` is `REVISED`, and no revised value of the survey waits for a decision.
     """

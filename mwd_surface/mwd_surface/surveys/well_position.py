@@ -124,7 +124,7 @@ def uncertain_well(
     """
     Return a path of the list with the survey tools of its stations.
 
-    records: as in `uncertain`. radius: radius of the hole, m. programme: survey programme; by default that of the well.
+    records: as in `uncertain`. radius: radius of the hole, m. programme: survey programme, by default from the well.
 
     Raises
     ------

@@ -33,7 +33,7 @@ _BIN = 0.5
 # Largest difference between continuous inclination and a station, rad; with a larger difference the data are from
 # another hole, or have wrong depths.
 _MOST_APART = math.radians(1.0)
-# Lowest inclination of both stations with which the continuous azimuth is used, rad.
+# The continuous azimuth is used if both stations have at least this inclination, rad.
 _LEAST_INCLINATION = math.radians(5.0)
 # The slide sheet is used if it covers at least this share of the interval, and if at least this length was slid, m.
 _KNOWN_SHARE, _LEAST_SLID = 0.9, 0.5

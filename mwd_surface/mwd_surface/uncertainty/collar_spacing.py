@@ -22,7 +22,7 @@ from mwd_estimation.assembly.assembly import Assembly, Component
 # collars, or with only stabiliser and bit. These are typical values used in the industry, of the same size as published
 # field measurements; they were not checked against the tables of the paper.
 POLES = {"collars": 900e-6, "motor": 1000e-6, "short collars": 300e-6, "bit": 90e-6}
-# Length of a piece below which its pole strength is assumed to be that of stabilisers and bits, m.
+# Length of a piece below which its pole strength is assumed to be as for stabilisers and bits, m.
 _SHORT = 3.0
 # Longest non-magnetic collars considered, m.
 _LONGEST = 300.0

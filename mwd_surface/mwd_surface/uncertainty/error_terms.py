@@ -2,7 +2,7 @@
 """
 Error terms of ISCWSA / OWSG tool codes along a well: the effect of each error source of each tool on the positions.
 
-The codes with their weighting functions and magnitudes are those of `welleng` (ISCWSA error model definition, revision
+The codes with their weighting functions and magnitudes come from `welleng` (ISCWSA error model definition, revision
 5.13; OWSG sets A and B). Each tool is evaluated on its own stations together with the station before and the station
 after them, so that an interval between two tools has a contribution from each (Williamson, SPE 67616, equations A-4 and
 A-14). The library is imported on first use, because the import is slow and no other module needs the library.
@@ -318,7 +318,7 @@ def _evaluated(stations: _CourseStations, code: str, reference: ErrorReference) 
         md, inc, azi = np.append(md, ahead), np.append(inc, inc[-1]), np.append(azi, azi[-1])
     if _needs_latitude(code) and not math.isfinite(reference.latitude):
         raise ValueError(f"{code} is a gyro code and needs the latitude of the well (well.latitude_deg, --lat)")
-    # With zero convergence all axes of welleng are those of true north.
+    # With zero convergence all axes of welleng refer to true north.
     header = SurveyHeader(
         latitude=math.degrees(reference.latitude) if math.isfinite(reference.latitude) else 0.0,
         longitude=0.0,

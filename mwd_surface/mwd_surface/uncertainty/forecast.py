@@ -2,10 +2,10 @@
 """
 Forecast of surveys along a plan: their sigmas, the limits of quality control, and the share that will be accepted.
 
-Sigmas are those of the tool code at each attitude. The sigmas after the single-station correction of axial interference
-are those of the code with the same field model and with this correction (+AX), here called sibling. The corrected
+Sigmas come from the tool code at each attitude. The sigmas after the single-station correction of axial interference
+come from the code with the same field model and with this correction (+AX), here called sibling. The corrected
 azimuth has no accuracy where the hole is nearly horizontal east-west, because the field across the tool then hardly
-depends on the azimuth. Limits are those of the tool code. For the share of accepted surveys, single stations are drawn
+depends on the azimuth. Limits come from the tool code. For the share of accepted surveys, single stations are drawn
 from the errors of a healthy tool and judged by the rules of the estimator.
 """
 

@@ -190,7 +190,8 @@ def _split(term: ErrorTerm, turned: ErrorTerm, known: npt.NDArray[np.complex128]
     Returns
     -------
     list of ErrorTerm
-        Parts of the error; their total variance, summed over all directions, is that of the error at every station.
+        Parts of the error; their total variance, summed over all directions, equals the variance of the error at every
+        station.
     """
     share = np.minimum(np.abs(known), 1.0)
     rest = np.where(steep, np.sqrt(0.5 * (1.0 - share**2)), 0.0)

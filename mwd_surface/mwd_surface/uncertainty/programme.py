@@ -107,7 +107,7 @@ class SurveyProgramme:
         Raises
         ------
         ProgrammeError
-            A station is covered by no interval, or has no sigmas although its interval uses those of the stations.
+            A station is covered by no interval, or has no sigmas although its interval uses the sigmas of the stations.
         """
         tools: list[ErrorTool | None] = []
         sigmas = np.full((stations.md.size, 2), np.nan)

@@ -12,8 +12,8 @@ from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, T
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
-HIDDEN = 0.0014  # shortest clipped part of a sample's interval at which the mean force of the sample is a shock, s
-UNUSUAL = 2.2  # an acceleration above this multiple of the usual one is unusual
+HIDDEN = 0.0014  # clipped time within a sample, s, from which the mean force of a shock is computed
+UNUSUAL = 2.2  # smallest ratio of an unusual acceleration to the usual acceleration
 CHANCE = 0.0023  # share of unusual samples in Gaussian vibration (chi-square with 3 degrees of freedom)
 LOST = 1.0  # ratio of lost to measured velocity: 1.0 to 1.9 on simulated shocks above 4, 8 and 16 g
 USUAL_TIME = 0.3  # averaging time of the usual acceleration, s

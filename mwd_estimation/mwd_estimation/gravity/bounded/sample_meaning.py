@@ -9,7 +9,7 @@ r/min and 100 Hz. While the rate is constant this angle is part of the initial r
 in the innovations. Integrated samples (the default of the settings) and points are two hypotheses. The errors that the
 state has if the samples are points are propagated together with the covariance, so each innovation updates the odds of
 the two (Willsky and Jones, 1976, see `jumps`). Means and values at an instant cannot be distinguished in this way.
-If the settings say points or means, they are not checked: aliased vibration in points can look like a wrong setting.
+If the settings are points or means, they are not checked: aliased vibration in points can look like a wrong setting.
 """
 
 from __future__ import annotations

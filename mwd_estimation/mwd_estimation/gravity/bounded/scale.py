@@ -70,8 +70,8 @@ def follow_corrections(s: BoundedRecord, turn: float, along: float, across: floa
     if s.clipping.sign == 0.0:
         _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt / turn, dy, -dx)
         _follow(s, found.across, max(across - aside, LEAST_CORRECTION * turn), aside / turn, dx, dy)
-    # Noise found from differences of neighbouring samples is complete, so the scale is at least the share of this
-    # noise. Small corrections during such noise must not lower the scale for the time after the noise.
+    # The noise of aliased vibration is not inflated, so the scale is at least its share, `noise.whole`. Otherwise small
+    # corrections during this noise would lower the scale for the time after the noise.
     whole = noise.whole(s)
     found.along.power, found.across.power = max(found.along.power, whole), max(found.across.power, whole)
     for j in range(2):
@@ -143,7 +143,11 @@ def _heading_rate(s: BoundedRecord) -> float:
 
 @compiled
 def floors(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
-    """Return the variances of inclination and of tilt across the hole that no innovation shows, rad^2, eq. (11)."""
+    """
+    Return the variances of inclination and of tilt across the hole due to errors that cause no innovation, rad^2.
+
+    The variances are those of equation (11).
+    """
     C, turn2 = s.C, s.turning**2
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     upright2 = min(C[2, 0] ** 2, 1.0)

@@ -201,7 +201,7 @@ class Meaning:
     odds: float
     """Natural logarithm of the odds of points against integrated samples."""
     changed: bool
-    """Whether the data have changed the kind of the samples from that of the settings."""
+    """Whether the data have changed the kind of the samples stated in the settings."""
 
 
 class Update:

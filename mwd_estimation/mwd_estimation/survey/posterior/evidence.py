@@ -344,9 +344,9 @@ def turned_field(angles: Array, log: Array, gyro: Array, states: Array, own: tup
     """
     Return the log evidence of a field turned about the vertical, shape (n, k, j).
 
-    The evidence of the field is smeared over the azimuth by `TURNED`, and multiplied by that of the gyro. log (n, k):
-    log evidence of the field as it is; gyro (n,): residual of the gyro; states (n, j): log weights of the gyro's state;
-    own: mean and variance of the gyro's error by each filter, shape (k,), and the variance of a step.
+    The evidence of the field is smeared over the azimuth by `TURNED`, and multiplied by the evidence of the gyro. log
+    (n, k): log evidence of the field as it is; gyro (n,): residual of the gyro; states (n, j): log weights of the
+    gyro's state; own: mean and variance of the gyro's error by each filter, shape (k,), and the variance of a step.
     """
     place, apart = circle.places(angles), circle.STEPS // _FEW
     smear = _SMEAR[(apart * np.arange(_FEW)[:, None] - place) % circle.STEPS] * circle.widths(angles)

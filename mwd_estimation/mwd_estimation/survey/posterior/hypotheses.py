@@ -37,7 +37,7 @@ class Hypothesis(StrEnum):
 
 @dataclasses.dataclass(frozen=True)
 class Priors:
-    """Probability of each disturbance before any reading; the remaining probability is that of no disturbance."""
+    """Probability of each disturbance before any reading; the remaining probability means no disturbance."""
 
     axial: float = 0.3  #: the string is magnetised along its axis beyond the tool code
     cross_axial: float = 0.06  #: a magnetised collar with a field across the axis

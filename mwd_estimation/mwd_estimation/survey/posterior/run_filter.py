@@ -39,7 +39,7 @@ _FLOOR = 1e-3
 # A point whose share is smaller than this fraction of the largest share of its filter does not update the states. The
 # same limit applies to a second filter relative to its first filter.
 _LEAST = 1e-4
-# Lowest probability of a filter on the coarse grid with which the filter is evaluated on the fine grid.
+# A filter with a lower probability on the coarse grid is not evaluated on the fine grid.
 _HOPELESS = 1e-6
 # Probability that an external field at one station is also present at the next station.
 _GOES_ON = 0.5
@@ -49,7 +49,7 @@ _BELIEVED = 20.0
 _NEVER = math.log(1e-300)
 # Probability above which a state of the gyro counts as the state at a station. Later stations use these counts.
 _DECIDED = 0.9
-# States of the string; a changed string has other values of them.
+# Indices of the errors that the string causes; they get new values when the string is changed.
 _STRING = [*range(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3), Shared.FIELD_RATE]
 _REFERENCE = slice(Shared.TOTAL, Shared.OUTSIDE)
 _OUTSIDE = slice(Shared.OUTSIDE, Shared.OUTSIDE + 3)
@@ -92,7 +92,7 @@ class Predicted(CircleEvidence):
 
 
 class RunFilter:
-    """Parallel filters of the errors that the stations of one tool in one assembly share."""
+    """Parallel filters that estimate the errors common to all stations of one tool in one assembly."""
 
     def __init__(self, priors: Priors, sigmas: Sigmas) -> None:
         self.priors, self.sigma, self._own = priors, sigmas.shared, sigmas.own
@@ -104,7 +104,7 @@ class RunFilter:
         self.state = RunState(np.zeros((k, SIZE)), covariance, np.log(np.maximum(self.filters.weight, 1e-300)))
 
     def expect_gyro(self) -> None:
-        """At the first seek of a gyro, double each filter: in the second copy the azimuth error of the gyro drifts."""
+        """At the first seek of a gyro, copy each filter; in the copy the azimuth error of the gyro drifts."""
         if not self.filters.adrift.any():
             self.filters = self.filters.with_gyro()
 

@@ -140,7 +140,7 @@ class McapFile:
 
     def plain(self, span: MessageSpan, decompress: Decompressor) -> bytes:
         """
-        Return the records of a span, decompressed and checked.
+        Return the bytes of the records in a span of the file; a chunk is decompressed and its checksum is verified.
 
         Raises
         ------

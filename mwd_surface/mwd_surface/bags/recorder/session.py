@@ -352,7 +352,7 @@ class Session:
         )
         data = bytes(self._definitions.typestore.serialize_cdr(message, EVENT_TYPE))
         channel = self.writer.topic(self._event_topic, EVENT_TYPE)
-        # Use the time of the recording, which may be that of a simulation.
+        # Use the time of the recording, which may be simulated.
         self.writer.write(channel, data, self._last_ns or event.stamp_ns)
         if self._chunk_began is None:
             self._chunk_began = time.monotonic()

@@ -275,7 +275,7 @@ class CarrierReceiver(SampledReceiver):
                 return
             self._missed(done, lock, decision)
             return
-        # Average the clock over many blocks; the first block gives the first estimate.
+        # Average the symbol length over the blocks since the lock, or with a weight of 0.2 for each new block.
         gain = max(1.0 / (lock.blocks + 1), 0.2)
         lock.symbol += gain * (found - lock.symbol)
         lock.start = middle - self._half * lock.symbol
@@ -408,8 +408,8 @@ _PASSES_BY_CHANCE = 2.0**-16  # probability that the check of a wrong block hold
 _BLOCKS_PER_SYMBOL = 1e-3  # prior of a block at a symbol: one block in about 500 symbols, with flow half the time
 _HEADER_BITS = 8  # bits of a block before its first word
 _ALTERNATIVES = 3  # number of alternatives of an erased word
-# Largest probability that all bits are right with which a failed check is not surprising, and factor by which the log
-# ratios of the bits are divided until the probability is that low.
+# If the check of a block fails, the probability that all its bits are right must be at most _NO_SURPRISE. The log
+# ratios of the bits are divided by _FLATTER until this is true.
 _NO_SURPRISE, _FLATTER = 0.5, 1.25
 # Upper bound of the confidence of words of a block whose check fails: the code cannot detect a rotation of all phases.
 _MOST_ERASED = 0.9

@@ -262,7 +262,7 @@ class Link:
 
     def _taken(self, sent_s: float) -> SurveyTime:
         """
-        Return the time of a survey whose words began at `sent_s`, s: in the last span without flow before that.
+        Return the time of a survey whose words began at `sent_s`, s: in the last span without flow before `sent_s`.
 
         If this span is unknown, the time is the latest possible one. A tool on a wire takes a survey directly before
         `sent_s`.

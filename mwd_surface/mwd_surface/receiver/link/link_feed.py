@@ -24,7 +24,7 @@ from mwd_surface.receiver.link.link_attitude import AgeRules
 from mwd_surface.receiver.lone_stamps import LONGEST_GAP_S, STEP_S
 from mwd_surface.receiver.words import ReceivedWord
 
-# Longest time for which pressure waits for strokes, s. It must have passed both in stamps of the pressure and on the
+# Longest time for which pressure waits for strokes, s. The time must pass in the stamps of the pressure and on the
 # clock: neither bursts that arrive together nor a paused replay show that a counter has failed.
 _WAIT_S = 10.0
 _EARLY = 200  # number of strokes that are kept before the first pressure sample
@@ -231,7 +231,7 @@ class FollowingLink:
         return None if self._next is None else self._echo
 
     def expect(self, tool: ToolConfiguration, echo: int) -> None:
-        """Decode also with the configuration after a command; echo: code by which the tool confirms the command."""
+        """Also decode with the configuration after a command; echo: code by which the tool confirms the command."""
         self._next, self._echo = self.link.successor(tool), echo
         self._kept = LinkOutput()
 
@@ -259,7 +259,7 @@ class FollowingLink:
         return self._kept
 
     def take_strokes(self, pump: int, time_s: Array) -> None:
-        """Add the counted strokes of a pump to the link in force and to the link of an awaited configuration."""
+        """Add counted strokes of a pump to the present link and, if a new configuration is awaited, to its link."""
         for link in (self.link, self._next):
             if link is not None:
                 link.take_strokes(pump, time_s)

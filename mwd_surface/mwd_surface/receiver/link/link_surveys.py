@@ -33,9 +33,9 @@ _HALF_STEPS = 0.5 * math.sqrt(12.0) * 1.01
 @dataclasses.dataclass
 class _LinkStation:
     """
-    Newest survey: received words, values, and link of each value.
+    Newest survey: its received words, its values, and the link from which each value comes.
 
-    until_ns: stamp until which the survey waits for more words; published: its angles that were already returned.
+    until_ns: stamp until which the survey waits for more words; published: names of the angles already returned.
     """
 
     heard: HeardSurvey

@@ -22,16 +22,16 @@ from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.pulse.pulse_widths import WIDTHS_S
 from mwd_surface.receiver.words import BELIEVED, Reception
 
-# Length of recording that is tried from flow-on, s: a survey of 133 s with 0.8 s pulses takes 332 s with 2 s pulses.
+# Duration of pressure that is tried after flow-on, s: a survey of 133 s with 0.8 s pulses takes 332 s with 2 s pulses.
 _TRIED_S = 900.0
-# Pressure before flow-on that is kept, s, so that the receiver sees the flow come on.
+# Duration of pressure that is kept before flow-on, s, so that the receiver can detect flow-on.
 _BEFORE_S = 20.0
 # Lowest score of a sync whose words are tried. If a hundred widths are tried on an hour of noise, one of them reaches
 # this score in about one case of ten.
 _LEAST_SCORE = 14.0
 # Widths relative to the estimated one that are tried; the clock of the receiver follows half a percent.
 _NEAR = (1.0, 1.006, 0.994)
-_SAME = 0.01  # largest relative difference with which an estimated width counts as the configured width
+_SAME = 0.01  # largest relative difference between an estimated width and the same configured width
 
 
 def other_widths(tool: ToolConfiguration) -> list[float]:
@@ -96,7 +96,7 @@ def sent_tool(
     syncs : sequence of Sync
         Syncs to try.
     parities : sequence of str
-        Parities to try; that of the tool by default.
+        Parities to try; by default the parity of the tool.
     """
     on_s = _longest_flow(time_s, pressure_pa)
     first = (time_s >= on_s - _BEFORE_S) & (time_s < on_s + _TRIED_S)

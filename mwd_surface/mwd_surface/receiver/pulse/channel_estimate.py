@@ -29,8 +29,8 @@ _EARLY_SAMPLES, _EARLY_S = 1.5, 0.2
 # Decay after the arrival: time constant of the fast decay (friction and echoes near the gauge), s; share and time
 # constant, s, of the slow decay (relaxation of the line).
 _NEAR_S, _SLOW, _SLOW_S = 0.3, 0.1, 8.0
-# Correlation length at the arrival, samples, and the number of those lengths in which it doubles: friction damps high
-# frequencies first.
+# Correlation length at the arrival, samples; after _SMOOTHER times this length the correlation length has doubled,
+# because friction damps high frequencies first.
 _ROUGH, _SMOOTHER = 1.5, 3.0
 _FEW = 1e-3  # expected number of pulses below which a term is skipped
 LAGS = 20  # largest distance between two possible places of one pulse, TU

@@ -217,7 +217,7 @@ class PulseReceiver(SampledReceiver):
         angles = self._grid.angles(start, float(pace), count)
         low, high = (SAMPLES_PER_TU * (tu - first_tu) for tu in (begin_tu, end_tu))
         guard = SAMPLES_PER_TU * _GUARD_TU
-        # During a transmission use its noise model, because noise learnt again would contain the pulses.
+        # During a transmission use its noise model, because a new estimate of the noise would contain the pulses.
         leader = self._tracker.leader
         whitener = None if leader is None else leader.channel.whitener
         least = synchronisation.EXPECTED_THRESHOLD if self._expected(end_tu) else synchronisation.THRESHOLD

@@ -18,7 +18,7 @@ from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.pulse.segment import ChannelEstimate
 
 WIDTHS_S = (2.0, 1.5, 1.2, 1.0, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2)
-# Largest ratio of two pulse widths with which the margin of one is predicted from the other. At a larger ratio, the
+# The margin of one pulse width is predicted from another width if their ratio is at most this. At a larger ratio, the
 # channel was not measured at the frequencies that matter.
 _FARTHEST = 2.5
 _POINTS = 4096  # length of the discrete Fourier transform

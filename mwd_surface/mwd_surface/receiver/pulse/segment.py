@@ -37,13 +37,13 @@ from mwd_surface.receiver.pulse.channel_estimate import (
 from mwd_surface.receiver.pump_lines import lines, pump_noise
 from mwd_surface.receiver.whitening import filtered, precision, prediction_error_filter
 
-# Order of the noise model: 6 TU. A longer one reaches the next pulse and learns the errors of the expected pulses: with
-# 10 TU, 1 to 2 % more words are lost with pulses of .3 s at 4 km (`other_mud.py`).
+# Order of the noise model: 6 TU. A longer model reaches the next pulse and contains the errors of the expected pulses:
+# with 10 TU, 1 to 2 % more words are lost with pulses of .3 s at 4 km (`other_mud.py`).
 ORDER = 24
 FLOOR = 1e-6
 _ROUNDS = 3
 _TAIL = 24  # samples by which whitening lengthens the response
-_FEW = 1e-4  # expected number of pulses at a place below which they do not count
+_FEW = 1e-4  # a smaller expected number of pulses at a place counts as 0
 # Prior probability that the pulse of a packet is missing, and probability that its window holds a second pulse.
 MISSING, _EXTRA = 0.003, 0.0005
 _ENOUGH = 20.0  # number of pulses that suffice to estimate a response without the response from before an interruption
@@ -107,7 +107,7 @@ class StretchOnToolClock:
     missing : float
         Probability that the pulse of a packet is missing.
     sync : (int, int), optional
-        First sample of the sync before the packets, and the sample after it, if its size is wanted.
+        First sample of the sync before the packets, and the sample after it, to measure the size of its pulses.
     """
 
     pressure: Array
@@ -263,8 +263,8 @@ def _any_pulses(
     """
     Return metrics that allow for missing and second pulses, and `present` as in `DecodedStretch`.
 
-    unary: metrics without the energy shared with pulses that are not beside; beside: energy shared with the packets
-    before and after. The windows of a combinatorial word overlap, so its metrics do not change.
+    unary: metrics without the energy shared with far pulses; beside: energy shared with the packets before and after.
+    The windows of a combinatorial word overlap, so its metrics do not change.
 
     A missing pulse has the likelihood of no pulse, whatever the value is; a second pulse may be at any place of the
     window. Both limit the confidence of a packet: a window without its pulse contains no information about the value.
@@ -290,7 +290,7 @@ def _second(unary: Array, at: Indices, real: NDArray[np.bool_], common: Array, l
 
 def shared_energy(stretch: StretchOnToolClock, at: Indices, common: Array, pulses: Array) -> tuple[Array, Array]:
     """
-    Return the mean energy that a pulse of each packet shares with far pulses, and with those of the packets beside.
+    Return the mean energy that a pulse of each packet shares with far pulses and with the neighbouring packets.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def shared_energy(stretch: StretchOnToolClock, at: Indices, common: Array, pulse
     Returns
     -------
     ndarray, shape (k, n)
-        Energy shared with all pulses except those of the packet itself and of the packets before and after.
+        Energy shared with all pulses except the pulses of the packet itself and of the packets before and after.
     ndarray, shape (k, n)
         Energy shared with the packets before and after.
     """
@@ -389,7 +389,7 @@ def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Arr
     """
     Return the pump noise, Pa, of a stretch without the pulses known so far, and the angles to use.
 
-    The angles, shape (pumps, n), are those of the stretch if they help to predict the pump noise, else shape (0, n).
+    The angles have shape (pumps, n) if they help to predict the pump noise, else shape (0, n).
     """
     noise = stretch.pressure - reconstruct(_train(stretch, probability), state.response)
     pumps, counted = pump_noise(noise, stretch.known, state.memory, stretch.angles)
@@ -442,7 +442,7 @@ def _sync_size(
     stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, weight: Array, whitened: Array
 ) -> tuple[float, float]:
     """
-    Measure the size of the pulses of the sync relative to those of the packets.
+    Measure the size of the pulses of the sync relative to the pulses of the packets.
 
     Two tools that start together send their syncs at the same places, and their packets at different ones.
 

@@ -102,7 +102,7 @@ class SurveyMemory:
 
     def settle(self, words: list[ReceivedWord]) -> list[ReceivedWord]:
         """
-        Return the final words of one pass of a sequence; those of a toolface sequence are returned unchanged.
+        Return the final words of one pass of a sequence; words of a toolface sequence are returned unchanged.
 
         Repeated words, within the survey or from the survey before, get the combined posterior of all receptions. A
         word that is still erased is decided where earlier surveys make one of its codes probable enough.

@@ -38,8 +38,8 @@ _TAIL = 20  # samples by which whitening lengthens the response
 THRESHOLD = 8.0
 # Threshold where a sync is expected, which is lower because only a few hundred places follow each flow-on.
 EXPECTED_THRESHOLD = 3.5
-# Soon after flow-on there is too little pressure before the sync to estimate the noise, and pulses in that data are
-# taken for noise. A candidate with at least the first score is subtracted and the noise is estimated again.
+# Soon after flow-on there is little pressure before the sync, so its pulses are partly taken for noise. A candidate
+# with at least the score _PROMISING is subtracted and the noise is estimated again, _ROUNDS times.
 _PROMISING, _ROUNDS = 2.0, 2
 # Ratios of the energy of the five pulses to the noise that are tried: 5 to 20 dB per bit.
 _ENERGIES = (30.0, 100.0, 300.0, 1000.0)
@@ -206,7 +206,7 @@ def _found(
         moved = min(max(at + early, 0), count - 1)
         if moved != at:
             found = _fitted(whitened, weight, shapes, edges, first + moved)
-        # If the place moves onto a sync found before, it is that sync, whose score is already removed.
+        # The aligned start may be that of a sync found before, whose score is already removed.
         if score[moved] == -np.inf or not _alike(whitened, weight, found[0] @ shapes, edges, first + moved):
             break
         response = found[0] @ components

@@ -3,11 +3,11 @@
 Tracker of the transmission of a pulse tool: several hypotheses of the sync are followed in parallel.
 
 A hypothesis is a sync at a place, with the words, the clock and the channel that follow from it (`transmission.py`).
-Each collects the log likelihood ratio of its pulses against no pulses: that of its sync, and that of each stretch of
-words. Two hypotheses are compared on the pressure that both explain. One is dropped when another explains it clearly
-better, when no words follow its sync, when its parities fail, or when the flow goes off. Silence alone does not end it,
-because clock and sequence of the tool go on. Words are published from the leading hypothesis, once no other one
-explains the same pressure nearly as well.
+The score of a hypothesis is the log likelihood ratio of its pulses against no pulses, summed over its sync and its
+words. Two hypotheses are compared on the pressure that both explain. A hypothesis is dropped when another one explains
+this pressure clearly better, when no words follow its sync, when its parities fail, or when the flow goes off. Silence
+alone does not end a hypothesis, because clock and sequence of the tool go on. The words of the leading hypothesis are
+published once no other hypothesis explains the same pressure nearly as well.
 
 Source: D. B. Reid, An algorithm for tracking multiple targets, IEEE Trans. Autom. Control 24 (1979) 843 (hypotheses
 scored by their likelihood, decided later).
@@ -29,7 +29,7 @@ from mwd_surface.receiver.words import Reception
 # `_SHARE` of the evidence for the better one. The share is needed because the error of the model grows with the signal.
 _BETTER, _SHARE = 12.0, 0.1
 _MOST = 6  # largest number of hypotheses at a time
-_APART_TU = 3  # distance from which two syncs are those of two tools; a pulse is 2 TU wide
+_APART_TU = 3  # syncs farther apart than this are not the same sync, TU; a pulse is 2 TU wide
 # A leader with good parities is established after this number of packets. Later syncs are then not decoded. They are
 # removed when the leader has been decoded this far beyond them, TU.
 _ESTABLISHED, _BEYOND_TU = 30, 200
@@ -49,7 +49,7 @@ class Tracker:
 
     Attributes
     ----------
-    leader : Transmission or None
+    leader : ReceivedTransmission or None
         Hypothesis whose words are published.
     """
 
@@ -174,9 +174,10 @@ class Tracker:
 
     def _end(self, one: ReceivedTransmission, done: Reception, better: ReceivedTransmission | None = None) -> None:
         """
-        End a hypothesis; publish its words if it leads, or if none leads, none is better and it is confirmed.
+        End a hypothesis, and publish its words if it is the leader.
 
-        Words are not published if none of them was published before and the better hypothesis begins within their sync.
+        Without a leader and without a better hypothesis, the words of a confirmed hypothesis are published too. If
+        `better` begins before the end of the sync of `one`, words are published only if earlier words were.
         """
         self._all.remove(one)
         if one is not self.leader and (self.leader is not None or better is not None or not one.presence.confirmed):

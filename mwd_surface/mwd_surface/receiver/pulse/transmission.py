@@ -80,7 +80,7 @@ class ReceivedTransmission:
         Response to a pulse, and noise model without the pulses.
     presence : Presence
     lost : str
-        Reason why the hypothesis has ended by itself; empty while it goes on.
+        Reason why the hypothesis has ended by itself; empty while the hypothesis continues.
     frames, base : int
         Number of passes of sequences so far; number of the first of them among all that are published.
     published : bool
@@ -98,7 +98,7 @@ class ReceivedTransmission:
         response[: len(found.response)] = found.response
         whitener = np.zeros(segment.ORDER + 2)
         whitener[: len(found.whitener)] = found.whitener
-        # The search uses fewer components than the estimate: spread the same total variance over more.
+        # The estimate has more components than the search. Distribute the same total variance over them.
         memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
         self.channel = segment.ChannelEstimate(response, found.scale, whitener, basis(len(response), tool.tu_s), memory)
         self._at_once, self.doubt = copy.deepcopy(doubt), doubt
@@ -169,7 +169,7 @@ class ReceivedTransmission:
 
     def begins(self) -> float:
         """
-        Return the position of the grid up to which the sync search must have come before the next step.
+        Return the position of the grid that the sync search must have reached before the next step.
 
         Return -inf if the next step does not depend on a sync.
         """
@@ -232,7 +232,7 @@ class ReceivedTransmission:
         now.shown = now.done if confirmed else 0
 
     def taken(self) -> Reception:
-        """Return and remove the words that are ready to be published, with the numbers of their passes among all."""
+        """Return and remove the words that are ready to be published, with the number of the pass of each word."""
         ready, self._pending = self._pending, Reception()
         first = self.base
         return Reception(
@@ -402,7 +402,7 @@ class ReceivedTransmission:
             return "survey"
         looks = (stretch_of(self._tool.sequence(one, number), 0, passes.LOOK_BITS) for one in ("survey", "toolface"))
         survey, toolface = (self._density(*self._rows(items), start) for items in looks)
-        # Packets of another sequence may fit the pulses of a survey nearly as well as those of the survey.
+        # Packets of another sequence may fit the pulses of a survey nearly as well as the packets of the survey.
         return "toolface" if toolface > max(_CLEARER * survey, 0.0) else "survey"
 
     def _density(self, rows: Indices, length: int, start: int) -> float:
@@ -484,7 +484,7 @@ class ReceivedTransmission:
         )
 
 
-# Clock of the tool relative to that of the pressure: position of each sample of a transmission on the grid.
+# Clock of the tool relative to the clock of the pressure: position of each sample of a transmission on the grid.
 
 
 # 1 sigma of the relative clock error of a good tool and of a poor one, and the shares of both; 1 sigma of its change
@@ -541,7 +541,7 @@ class ToolClock:
             gain = prior / (prior + variance * overlap)
             error, left = self.error + gain * drift, prior * (1.0 - gain)
         change = error - self.error
-        # The position of the sample `middle` stays.
+        # Change the pace, but keep the position of the sample `middle`.
         return ToolClock(self.start - middle * self.pace * change, self.pace * (1.0 + change), left)
 
 
@@ -558,7 +558,7 @@ def _from_all(measured: float, variance: float) -> tuple[float, float]:
     return mean, float(weights @ (gains * variance)) + spread
 
 
-# Decision whether pulses are present behind a sync, from the evidence of its last stretches.
+# Decision whether pulses are present after a sync, from the evidence of the last stretches.
 
 
 # Lowest log likelihood ratio of a sync with the words after it. Noise reaches it with a probability below exp(-18) at

@@ -44,7 +44,7 @@ def uniform(packets: Indices) -> Array:
 
 
 def places_of(packets: Indices) -> Indices:
-    """Return the place of each packet value, TU; shape (n, values). Beyond the last value its place is repeated."""
+    """Return the place of each packet value, TU; shape (n, values). Columns after the last value repeat its place."""
     at = np.minimum(np.arange(values_of(packets))[None, :], packets[:, COUNT, None] - 1)
     turned = np.where(packets[:, RISING, None] == 1, at, packets[:, COUNT, None] - 1 - at)
     return np.asarray(packets[:, START, None] + turned)
