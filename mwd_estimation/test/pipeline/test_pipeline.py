@@ -193,8 +193,8 @@ def test_an_azimuth_without_gyros_keeps_what_was_learnt_of_the_string_and_its_si
         imu, mag = _samples(seconds=40.0, axial=axial, rate=10.0, still_after=15.0, seed=seed)
         imu["angular_velocity"][2000:, axis] = reading
         rows = _joined(_run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE), range(50, 4000, 50)), "attitude")
-        # The gyro is named within two seconds.
-        rows = rows[2250:]
+        # The gyro is named within two seconds, and gravity is known again within another two.
+        rows = rows[2400:]
         known = np.isfinite(rows["azimuth"])
         assert known.mean() > 0.95
         error, sigma = np.abs(wrap_pi(rows["azimuth"] - 1.9))[known], rows["sigma_azimuth"][known]
