@@ -48,6 +48,8 @@ def test_angles_of_a_string_beyond_the_range_of_its_gyro_have_a_true_sigma(rpm, 
     for name in ("inclination", "gravity_toolface", "azimuth"):
         error, sigma = wrap_pi(got[name] - true[name])[late], got[f"sigma_{name}"][late]
         known = np.isfinite(error)
-        assert np.mean(np.abs(error[known]) > 3.0 * sigma[known]) < 0.01
+        # No corrected azimuth has come yet, so that the azimuth may be unknown; the other angles are known.
+        assert name == "azimuth" or known.mean() > 0.99
+        assert np.sum(np.abs(error[known]) > 3.0 * sigma[known]) < 0.01 * known.size
     assert FaultCode.SATURATED in faults
     assert not surveys
