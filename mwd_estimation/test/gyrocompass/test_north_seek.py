@@ -85,7 +85,8 @@ def monte_carlo(
 
 def assert_at_limit(error: np.ndarray, sigma: np.ndarray, limit: float) -> None:
     assert np.sqrt(np.mean(error**2)) < 1.2 * limit
-    assert sigma.mean() < 1.2 * limit
+    # Sigma also covers a latitude that is stated wrong.
+    assert sigma.mean() < 1.25 * limit
     assert_consistent(error, sigma, confidence=0.99)
 
 
