@@ -128,9 +128,10 @@ def gyro_share(angles: Array, mass: Array, magnetic: Array | None) -> float:
     """
     Return the share of the gyro in the azimuth, 0 to 1.
 
-    The share is 1 without a magnetometer, or if the magnetic azimuth contradicts the azimuth from both sensors. mass,
-    magnetic, shape (n,): probability of each angle from both sensors and from the magnetometer alone; magnetic is None
-    if there is no reading.
+    The share is 1 without a magnetometer, or if the magnetic azimuth contradicts the azimuth from both sensors.
+
+    mass, shape (n,): probability of each angle from both sensors.
+    magnetic, shape (n,): probability of each angle from the magnetometer alone; None if it has no reading.
     """
     if magnetic is None:
         return 1.0

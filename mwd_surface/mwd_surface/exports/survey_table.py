@@ -80,7 +80,7 @@ class SurveyTable:
     records: survey record of each station, None for tie-ons and the projection.
     header: labels and values of the head block.
     covariance: of the stations' positions, shape (n, 3, 3), m^2, or None.
-    covariance_note: the error model, or why there is no covariance.
+    covariance_note: name of the error model, or the reason why the covariance is unknown.
     columns: numbers of the stations, in the units of `display`.
     left_out: sentences about stations and surveys that could not be printed.
     made_ns: time when the table was requested, ns since the epoch.

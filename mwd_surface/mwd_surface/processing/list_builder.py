@@ -201,7 +201,7 @@ class ListBuilder:
         """
         Return the list with the decisions of people, and a text that compares this list with the live list.
 
-        The text is empty if there is no live list.
+        Without a live list the text is empty.
 
         revisions : revised values of surveys, computed from the whole recording. A live list with the same settings has
         its own revisions; then only withdrawn surveys are used.

@@ -108,7 +108,8 @@ class Offset:
     vertical: depth below the plan, m.
     toolface: direction from the well to the plan, perpendicular to the hole, rad from the high side; steering to this
     toolface leads back to the plan.
-    dogleg_to_target: dogleg severity of the arc that hits the target of the plan, rad/m; NaN if there is no such arc.
+    dogleg_to_target: dogleg severity of the arc from the bit to the target of the plan, rad/m; NaN if no arc reaches
+    the target.
     """
 
     distance: float

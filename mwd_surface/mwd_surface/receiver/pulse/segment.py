@@ -331,7 +331,8 @@ def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Arra
 
     The present table has one pulse in each window. Another table, or a second tool, has one or two pulses anywhere in a
     window and the gap after it; two pulses have half the size if the response was estimated from syncs that two tools
-    sent together. Without any pulse both have the same likelihood, so silence is no evidence for or against the table.
+    sent together. Where no pulse arrives, both have the same likelihood: silence counts neither for nor against the
+    table.
 
     metric: metric of a single pulse at each TU; pulses: expected number of pulses at each place of each packet.
     """
