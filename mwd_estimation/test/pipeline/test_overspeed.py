@@ -49,7 +49,7 @@ def test_angles_of_a_string_beyond_the_range_of_its_gyro_have_a_true_sigma(rpm, 
         error, sigma = wrap_pi(got[name] - true[name])[late], got[f"sigma_{name}"][late]
         assert np.isfinite(error).mean() > 0.99
         assert np.mean(np.abs(error) > 3.0 * sigma) < 0.01
-    # Gravity is too uncertain to correct an azimuth for the string.
+    # The estimated gravity is too uncertain to remove the magnetic field of the string from the azimuth.
     assert got["sigma_inclination"][late].min() > 0.1
     assert np.isnan(got["azimuth"]).all()
     assert FaultCode.SATURATED in faults

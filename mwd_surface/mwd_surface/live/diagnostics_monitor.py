@@ -31,7 +31,8 @@ class DiagnosticsMonitor:
     full_name : str
         Full name of the surface node, with the namespace of the well.
     link : str
-        Link that the surface follows, `best` for all, `direct` for none (`link.source`).
+        Setting `link.source`: name of the link whose data the surface uses, `best` for the best of all links, `direct`
+        if the data come from the tool without a link.
 
     Attributes
     ----------
@@ -166,7 +167,7 @@ class DiagnosticsMonitor:
         return causes
 
     def _follows(self, what: str) -> bool:
-        """Return whether a diagnostic is the state of a link that `LinkMonitor` follows and raises alarms for."""
+        """Return whether a diagnostic is the state of a link for which `LinkMonitor` already raises the alarm."""
         kind, _, name = what.partition(" ")
         return kind == "link" and self._link != "direct" and (not name or self._link in ("best", name))
 

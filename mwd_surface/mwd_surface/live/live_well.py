@@ -543,7 +543,8 @@ class SupervisionMonitor:
         Time of the end of the simulation or replay that makes the data, s. Topics and nodes that are silent from then
         on raise no alarm (ISA-18.2: suppressed by design).
     over_by : str
-        Node that has made the data. It may end at any later time, so that its heartbeat is not expected.
+        Node that has produced these data. The node may exit at any time after the end, so that a missing heartbeat is
+        not a fault.
     """
 
     def __init__(self, context: WellContext) -> None:

@@ -198,15 +198,19 @@ class _DepthChannel:
         self.passes = {name: _Sums(self.sectors) for name in PASSES}
 
 
-class _LeftDepth(NamedTuple):
-    """The last depth of the bit before a step, m, its time, ns, and the bottom of the hole at that time, m."""
+class _DepthBeforeJump(NamedTuple):
+    """
+    State before a jump of the depth that no string can make.
+
+    stamp_ns: time of the last bit depth, ns. bit_depth: this depth, m. bottom: bottom of the hole at this time, m.
+    """
 
     stamp_ns: int
     bit_depth: float
     bottom: float
 
     def reaches(self, rules: DepthJumpRules, stamp_ns: int, bit_depth: float) -> bool:
-        """Return whether a string can move from this depth to another one until a time."""
+        """Return whether a string can move from this depth to another one, m, by a time, ns."""
         seconds = abs(stamp_ns - self.stamp_ns) / NANOSECONDS
         return abs(bit_depth - self.bit_depth) <= rules.slack + rules.fastest * seconds
 
@@ -262,8 +266,8 @@ class DepthLog:
         self._bits = array.array("d")
         self._bottoms = array.array("d")
         self._bottom = -math.inf
-        # Last depth before each step that no string can make, while the depths before the step may come back.
-        self._left: collections.deque[_LeftDepth] = collections.deque(maxlen=_MOST_LEFT)
+        # States before the jumps of the depth, oldest first; the depth may return to one of them.
+        self._left: collections.deque[_DepthBeforeJump] = collections.deque(maxlen=_MOST_LEFT)
         self.unusable: dict[str, int] = {}
         self._units: dict[str, str] = {}
         self.disordered = 0
@@ -306,7 +310,7 @@ class DepthLog:
             self._bottom = self._bottoms[-1] if at else -math.inf
             while self._left and self._left[-1].stamp_ns >= stamp_ns:
                 self._left.pop()
-        self._follow_step(stamp_ns, bit_depth)
+        self._adjust_bottom(stamp_ns, bit_depth)
         self._bottom = max(self._bottom, bit_depth)
         if not self._stamps or stamp_ns - self._stamps[-1] >= _DEPTHS_NS:
             self._stamps.append(stamp_ns)
@@ -317,16 +321,17 @@ class DepthLog:
                 del column[: max(1, self._history // 4)]
             self._placed = None
 
-    def _follow_step(self, stamp_ns: int, bit_depth: float) -> None:
+    def _adjust_bottom(self, stamp_ns: int, bit_depth: float) -> None:
         """
-        Let the bottom of the hole follow a step of the depth, m, that no string can make.
+        Adjust the bottom of the hole if a new bit depth, m, is farther away than a string can move in the time.
 
-        If the depth returns to the depths before an earlier step, the depths in between were wrong, and the bottom is
-        the one before that step. Otherwise the depths are counted from another zero, and the bottom makes the step too.
+        If the depth returns to where it was before an earlier jump, the depths between both jumps were wrong, and the
+        bottom before the earlier jump is restored. Otherwise the zero of the depths has changed, and the bottom is
+        shifted by the same amount as the bit depth.
         """
         if not self._stamps:
             return
-        here = _LeftDepth(self._stamps[-1], self._bits[-1], self._bottom)
+        here = _DepthBeforeJump(self._stamps[-1], self._bits[-1], self._bottom)
         if here.reaches(self._rules, stamp_ns, bit_depth):
             return
         step = bit_depth - here.bit_depth

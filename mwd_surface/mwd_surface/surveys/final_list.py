@@ -219,7 +219,7 @@ def _with(
     intervals: list[Interval] = []
     station = 0
     for k, number in enumerate(path.sequence):
-        # A kick-off has no survey; its tool is the tool of the station above.
+        # A kick-off point has no survey of its own. Its survey tool is that of the shallower station next to it.
         station = number or station
         if station not in legs:
             continue

@@ -339,7 +339,7 @@ class Session:
 
     def _record_events(self) -> None:
         while self._waiting:
-            # An event whose writing fails stays for the next file.
+            # If writing an event fails, keep the event for the next file.
             self._record_event(self._waiting[0])
             self._waiting.popleft()
 

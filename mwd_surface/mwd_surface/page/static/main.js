@@ -218,7 +218,7 @@ byId("view").addEventListener("click", () => {
   else if (document.fullscreenElement) document.exitFullscreen();
 });
 
-// The type of a chart is fixed when the chart is made; it follows the size of the screen like all other type.
+// A chart takes its font size when it is created, so the charts are created anew when the font size changes.
 let typeScale = scale();
 window.addEventListener("resize", () => {
   if (scale() === typeScale) return;
