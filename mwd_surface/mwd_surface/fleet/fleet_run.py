@@ -12,6 +12,7 @@ import contextlib
 import dataclasses
 import glob
 import os
+import queue
 import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -159,25 +160,46 @@ def run(
     OSError
         The data set cannot be written.
     """
-    (folder / "bags").mkdir(parents=True, exist_ok=True)
-    text = config_text(estimator)
-    place = str(folder.resolve())
-    own = "" if changes is None else changes_text(changes)
-    works = [FleetWork(str(bag), place, text, given or InputSettings(), own) for bag in bags]
-    # If a worker dies, Dask gives its task to another worker, until the task has killed a few workers.
-    futures = {client.submit(carry_out, work, pure=False): work for work in works}
-    outcomes: dict[str, Outcome] = {}
-    try:
-        for future in distributed.as_completed(futures):
+    with _interrupts_into(queue.SimpleQueue()) as done:
+        (folder / "bags").mkdir(parents=True, exist_ok=True)
+        text = config_text(estimator)
+        place = str(folder.resolve())
+        own = "" if changes is None else changes_text(changes)
+        works = [FleetWork(str(bag), place, text, given or InputSettings(), own) for bag in bags]
+        # If a worker dies, Dask gives its task to another worker, until the task has killed a few workers.
+        futures = {client.submit(carry_out, work, pure=False): work for work in works}
+        for future in futures:
+            future.add_done_callback(done.put)
+        outcomes: dict[str, Outcome] = {}
+        for _ in works:
+            future = done.get()
+            if future is None:
+                client.cancel(list(futures))
+                raise KeyboardInterrupt
             work = futures[future]
             outcome = _outcome(future, work)
             outcomes[work.bag] = outcome
             report(outcome, len(outcomes) / len(works))
-    except KeyboardInterrupt:
-        client.cancel(list(futures))
-        raise
     fleet_dataset.tidy(folder, {one.bag: one.key for one in outcomes.values() if one.key})
     return [outcomes[work.bag] for work in works]
+
+
+@contextlib.contextmanager
+def _interrupts_into(done: queue.SimpleQueue[distributed.Future | None]) -> Iterator[queue.SimpleQueue[Any]]:
+    """
+    Put None into the queue when SIGINT arrives in this block.
+
+    Python's own handler raises KeyboardInterrupt wherever the program is, and Dask's callback of the garbage collector
+    would swallow it.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield done
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: done.put(None))
+    try:
+        yield done
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _outcome(future: distributed.Future, work: FleetWork) -> Outcome:
