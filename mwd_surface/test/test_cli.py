@@ -200,8 +200,7 @@ def test_a_table_is_a_run_whose_rows_keep_their_first_value_and_single_judges_ea
 
     shown, together = lines()
     assert "analysed together: the table: 3" in shown
-    # The first two lie in a nearly vertical hole beside steel: no azimuth can be determined there.
-    assert [line["verdict_azimuth"] for line in together] == ["not_determined", "not_determined", "accept"]
+    assert [line["verdict"] for line in together] == ["reject", "reject", "accept"]
     assert together[2]["outlier"] == "no"
     assert all(line["first_verdict"] and line["first_azimuth_deg"] for line in together)
     shown, alone = lines("--single")

@@ -30,6 +30,8 @@ from mwd_sensors.core.frames import magnetic_toolface, mat_nt
 
 # Probability of a disturbance or of a wrong gyro above which the azimuth is doubtful.
 _DISTURBED = 0.5
+# Disturbances that turn the field across the tool axis, and with it the magnetic toolface.
+_ACROSS = (Hypothesis.CROSS_AXIAL, Hypothesis.EXTERNAL, Hypothesis.SENSOR)
 # An attitude determines the azimuth if `QualitySettings.far_deg` is at least this many sigma of a healthy tool.
 _DETERMINED = 6.0
 # Largest error of the direction of the hole, rad, from an azimuth that is not determined: sigma of the azimuth, and at
@@ -206,15 +208,16 @@ def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, set
     risk, sound = finding.beyond(far, alignment), math.hypot(finding.nominal, alignment)
     if risk > quality.far_probability and _DETERMINED * sound > far:
         # No magnetic tool determines the azimuth here. This alone does not reject the station; if there are other
-        # reasons, the verdict on the totals is used.
+        # reasons, or if the magnetic toolface is probably wrong too, the verdict on the totals is used.
+        across = sum(finding.hypotheses.get(kind, 0.0) for kind in _ACROSS)
+        if azimuth.verdict != ACCEPT or across > _DISTURBED:
+            _judge_totals(azimuth, station, settings)
         if azimuth.verdict == ACCEPT:
             error = max(min(station.sigma_azimuth, 1.0), far)
             if error * math.sin(station.inclination) < _DIRECTION:
                 azimuth.verdict = NOT_DETERMINED
             else:
                 azimuth.add(DOUBTFUL, Reason(Code.UNCERTAIN_FOR_ANY_TOOL, station.sigma_azimuth, sound))
-        else:
-            _judge_totals(azimuth, station, settings)
         return
     if finding.broken is not None:
         azimuth.add(DOUBTFUL, Reason(Code.PROPAGATED_DISAGREES, finding.broken[0], values=(finding.broken[1],)))

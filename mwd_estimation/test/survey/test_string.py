@@ -83,3 +83,21 @@ def test_an_azimuth_that_is_not_determined_is_harmless_near_the_vertical_only(in
     assert one.verdicts.inclination == "accept"
     codes = [reason.code for reason in one.reasons]
     assert (ReasonCode.UNCERTAIN_FOR_ANY_TOOL in codes) == (verdict == "doubtful")
+
+
+@given(
+    toolface=angles,
+    along_ut=st.floats(-3.0, 3.0),
+    across_ut=st.sampled_from((-12.0, -6.0, 6.0, 12.0)),
+    inclination_deg=st.floats(0.2, 1.0),
+)
+def test_near_the_vertical_a_field_across_the_string_is_not_accepted_and_one_along_it_is(
+    toolface, along_ut, across_ut, inclination_deg
+):
+    """A driller orients there by the magnetic toolface, which a field across the string turns."""
+    mat = mat_nt(math.radians(inclination_deg), 1.0, toolface)
+    force, field = mat.T @ [0.0, 0.0, -9.81], mat.T @ [REFERENCE.horizontal, 0.0, REFERENCE.vertical]
+    across = 1e-6 * across_ut * np.array([0.0, *field[1:]]) / math.hypot(*field[1:])
+    along = np.array([1e-6 * along_ut, 0.0, 0.0])
+    assert station(force, field + along, REFERENCE, StationSettings()).verdict == "accept"
+    assert station(force, field + across, REFERENCE, StationSettings()).verdict in {"doubtful", "reject"}
