@@ -19,7 +19,8 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files import list_columns, number_cells
-from mwd_surface.list_files.grid_file import Row, is_html, is_spreadsheet, is_spreadsheet_xml
+from mwd_surface.list_files.column_values import LOCAL, MAP, ColumnValues
+from mwd_surface.list_files.grid_file import is_html, is_spreadsheet, is_spreadsheet_xml
 from mwd_surface.list_files.las_table import is_las, las_table
 from mwd_surface.list_files.list_checks import (
     check_depths,
@@ -41,50 +42,16 @@ from mwd_surface.list_files.list_columns import (
 )
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_head import Head, read_head
+from mwd_surface.list_files.list_rows import QUOTED, refuse_more_cells, station_rows
 from mwd_surface.list_files.map_coordinates import offsets_from_wellhead
 from mwd_surface.list_files.p7_table import is_p7, p7_table
 from mwd_surface.list_files.provenance import Provenance, read_provenance
-from mwd_surface.list_files.remark import Remark, RemarkKind
+from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
 from mwd_surface.list_files.station_list import WITHOUT_POSITION, Start, StationList, carried
 from mwd_surface.list_files.table import Table, read_bytes, table_of, text_of
 from mwd_surface.list_files.witsml_table import witsml_table
 
-_LOCAL = ("north", "east")
-_MAP = ("map_north", "map_east")
-# Words in the first column of rows of totals at the end of a list.
-_TOTALS = frozenset(
-    [
-        "total",
-        "totals",
-        "sum",
-        "max",
-        "maximum",
-        "min",
-        "minimum",
-        "mean",
-        "average",
-        "avg",
-        "end",
-        "td",
-        "summe",
-        "gesamt",
-        "итого",
-        "合计",
-        "总计",
-        "平均",
-    ]
-)
-_FEW = 4  # largest number of rows or values that a remark quotes
-# Words in a row that extends a list to the bit or to the planned end, where no survey was taken.
-_PROJECTION = re.compile(
-    r"^\W*(?:proj|projected|projection|extrap|extrapolated|extrapolation|外推|预测)\W*$"
-    r"|\b(?:proj\.?|projected|projection|extrapolated|extrapolation)\s+(?:survey\s+)?(?:to|at)\s+(?:the\s+)?(?:bit|td|total)\b",
-    re.IGNORECASE,
-)
-_GERMAN = re.compile("neigung|richtung|teufe|tiefe|bohrloch|inklination", re.IGNORECASE)
 _START_ROWS = ("tie-on", "assumed")  # rows of exports of this program that are not surveys, by their column "station"
-_WORD = re.compile(r"[^\W\d_]{3,}")  # a cell that begins like this is a word, not a mistyped number
-_PROJECTED_ROWS = 3  # largest number of rows after a note that announces a projection
 # Distance between wellhead and first station at which a convergence of 3 deg moves the station by half a metre, m.
 _OFFSET = 10.0
 # First bytes of recordings, which are not lists.
@@ -206,15 +173,6 @@ def _missing(table: Table, columns: ListColumns) -> str:
     )
 
 
-def _roughly(cell: number_cells.Cell) -> float:
-    """Return the number in a cell, read with the decimal mark that the cell alone reveals; nan without a number."""
-    found = number_cells.split(cell)
-    try:
-        return math.nan if found is None else number_cells.value(found[0], number_cells.decimal_mark(found[0]))
-    except ValueError:
-        return math.nan
-
-
 def _definitive(what: str, found: tuple[ListColumn, ...]) -> tuple[ListColumn, ...]:
     """
     Return the columns of a quantity without those of single methods, if a column has the plain name.
@@ -248,89 +206,18 @@ class _ListReader:
         self.table, self.head, self.given, self.provenance = table, head, given, provenance
         self.name = table.name
         self.of = {what: _definitive(what, found) for what, found in columns.of.items()}
-        self.german = any(_GERMAN.search(name) for name in table.names)
         self.remarks: list[Remark] = [*(() if provenance is None else provenance.remarks), *table.remarks]
         for one in columns.unread:
             self._say(RemarkKind.COLUMN_NOT_READ, f"{self.name}: column {one.name!r} is not understood and not read")
-        self.rows = self._kept_rows(table.rows)
-        self._refuse_more_cells()
+        needed = [self.of[what][0].number for what in ("md", "inclination", "dip", "azimuth") if what in self.of]
+        self.rows, left_out = station_rows(self.name, table.rows, needed)
+        self.remarks += left_out
+        refuse_more_cells(self.rows, len(table.names))
+        self.values = ColumnValues(table, self.rows, self.of, head, given, self.remarks)
         self.columns = self._chosen()
 
     def _say(self, kind: RemarkKind, text: str, **values: float) -> None:
         self.remarks.append(Remark(kind, text, values))
-
-    def _kept_rows(self, rows: Sequence[Row]) -> list[Row]:
-        """Return rows that may be stations; notes, totals, footers and projections are left out, with a remark."""
-        needed = [one for what in ("md", "inclination", "dip", "azimuth") for one in self.of.get(what, ())[:1]]
-        depth = needed[0].number
-        kept: list[Row] = []
-        notes: list[Row] = []
-        # Number of rows kept before a note such as "projected to the bit", and number of last rows with such a note.
-        announced = marked = 0
-        for row in rows:
-            cells = [row.cells[one.number] if one.number < len(row.cells) else "" for one in needed]
-            numbers = [number_cells.looks_like_number(cell) for cell in cells]
-            first = str(row.cells[0]).strip().lower().rstrip(":. ") if row.cells else ""
-            word = str(cells[0]).strip().lower().rstrip(":. ")
-            total = not numbers[0] and bool({first, word, *first.split()} & _TOTALS) and bool(kept)
-            # A cell such as "Bottom hole: 360 m" contains a number, but is a note.
-            worded = (word[:1].isalpha() or not any(c.isdigit() for c in word)) and not number_cells.is_null(cells[0])
-            worded = worded and not number_cells.looks_like_number(cells[0])
-            nothing = not any(numbers) and not (number_cells.is_null(cells[0]) and self._has_null(cells))
-            nothing = nothing or (worded and (":" in word or not all(numbers[1:])))
-            short = bool(kept) and numbers[0] and not any(numbers[1:]) and self._is_sentence(row, kept[-1], depth)
-            said = [str(cell) for cell in row.cells if not number_cells.looks_like_number(cell)]
-            projected = any(_PROJECTION.search(text) for text in said)
-            if total or nothing or short:
-                notes.append(row)
-                announced = len(kept) if projected else announced
-            else:
-                kept.append(row)
-                marked = marked + 1 if projected else 0
-        while len(kept) > 1 and _WORD.match(str(kept[-1].cells[depth] if depth < len(kept[-1].cells) else "").strip()):
-            # Last rows with a word instead of a depth describe the whole hole, such as its closure. Farther up, such a
-            # cell is a typing error.
-            notes.append(kept.pop())
-        below = len(kept) - announced if announced else 0
-        count = max(marked, below if below <= _PROJECTED_ROWS else 0)
-        if 0 < count < len(kept):
-            # These rows continue the list to the bit; they were not measured.
-            notes += kept[len(kept) - count :]
-            del kept[len(kept) - count :]
-        if notes:
-            quoted = "; ".join(repr(" ".join(str(c) for c in row.cells if str(c))[:60]) for row in notes[:_FEW])
-            text = f"{self.name}: {len(notes)} rows that are not stations are left out: {quoted}"
-            self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(len(notes)))
-        return kept
-
-    def _refuse_more_cells(self) -> None:
-        """Raise ListFileError for a row with numbers after the last named column: its cells do not match the names."""
-        width = len(self.table.names)
-        for row in self.rows:
-            if any(number_cells.looks_like_number(cell) for cell in row.cells[width:]):
-                raise ListFileError(
-                    f"{row.at}: {len(row.cells)} cells under {width} names: decimal or thousands marks split columns, "
-                    "or a name is missing; write the list with semicolons or tabs between columns, or name each column"
-                )
-
-    @staticmethod
-    def _has_null(cells: Sequence[number_cells.Cell]) -> bool:
-        return any(str(cell).strip() for cell in cells)
-
-    def _is_sentence(self, row: Row, above: Row, depth: int) -> bool:
-        """
-        Return whether a row that begins with a number is a sentence below the list, such as "12 stations".
-
-        Such a row has words after the number, and the number is not deeper than the row above.
-        """
-        words = [str(cell) for cell in row.cells if str(cell).strip() and not number_cells.is_null(cell)]
-        if len(words) < 2 or not any(any(c.isalpha() for c in word) for word in words[1:]):
-            return False
-        here, before = (_roughly(one.cells[depth]) for one in (row, above))
-        return not here > before
-
-    def _cells(self, column: ListColumn) -> list[number_cells.Cell]:
-        return [row.cells[column.number] if column.number < len(row.cells) else "" for row in self.rows]
 
     def _chosen(self) -> dict[str, ListColumn]:
         """
@@ -369,7 +256,7 @@ class _ListReader:
         values = []
         for one in found:
             try:
-                values.append(self._numbers(one) * self._factor(one))
+                values.append(self.values.si(one))
             except ListFileError:
                 return
         apart = max(float(np.nanmax(np.abs(values[0] - other), initial=0.0)) for other in values[1:])
@@ -382,208 +269,6 @@ class _ListReader:
                 f"{self.table.at}: columns {names} could both be the {what}, and they differ; say which by"
                 f" --columns {what}=NAME"
             )
-
-    # Reading of numbers and units.
-
-    def _mark(self, column: ListColumn) -> str:
-        """
-        Return the decimal mark of a column, from its cells, the other columns, and the range of the quantity.
-
-        The mark is "" if no cell needs one. Raises ListFileError if the marks contradict each other or remain unclear.
-        """
-        if self.given.decimal:
-            return {"point": ".", "comma": ","}[self.given.decimal]
-        cells = self._cells(column)
-        own = number_cells.marks(cells)
-        if len(own) > 1:
-            pair = [next(c for c in cells if number_cells.marks([c]) == {mark}) for mark in sorted(own)]
-            raise ListFileError(
-                f"{self.table.at}: column {column.name!r} has numbers with a decimal comma and with a decimal point,"
-                f" such as {pair[0]!r} and {pair[1]!r}; say it with --decimal point or comma"
-            )
-        if own:
-            return own.pop()
-        unclear = number_cells.ambiguous(cells)
-        if not unclear:
-            return ""
-        return self._decided(column, unclear)
-
-    def _decided(self, column: ListColumn, unclear: Sequence[str]) -> str:
-        """
-        Return the decimal mark of a column whose numbers, such as 1,000, allow both readings.
-
-        Raises ListFileError if nothing in the list decides.
-        """
-        mark = "," if "," in unclear[0] else "."
-        other = "." if mark == "," else ","
-        if column.quantity in ANGLES:
-            # Angles of a thousand degrees do not occur.
-            return mark
-        shown: set[str] = set()
-        for found in self.of.values():
-            for one in found:
-                cells = self._cells(one)
-                shown |= number_cells.marks(cells)
-                if one.quantity in ANGLES:
-                    shown |= {"," if "," in text else "." for text in number_cells.ambiguous(cells)}
-        if len(shown) == 1:
-            return shown.pop()
-        if column.quantity == "md":
-            rising = [m for m in (mark, other) if self._rises(column, m)]
-            if len(rising) == 1:
-                return rising[0]
-        if mark == ".":
-            plain = [c for c in self._cells(column) if not number_cells.is_null(c) and c not in unclear]
-            if plain and column.quantity == "md":
-                self._say(
-                    RemarkKind.NUMBERS_ASSUMED,
-                    f"{self.name}: {unclear[0]!r} in column {column.name!r} is read with a decimal point",
-                )
-            return "."
-        raise ListFileError(
-            f"{self.table.at}: {unclear[0]!r} in column {column.name!r} may be"
-            f" {number_cells.value(unclear[0], mark):g} or {number_cells.value(unclear[0], other):g}, and nothing in"
-            " the list decides; say it with --decimal point or --decimal comma"
-        )
-
-    def _rises(self, column: ListColumn, mark: str) -> bool:
-        values = []
-        for cell in self._cells(column):
-            found = None if number_cells.is_null(cell) else number_cells.split(cell)
-            if found is not None:
-                try:
-                    values.append(number_cells.value(found[0], mark))
-                except ValueError:
-                    return False
-        return bool(np.all(np.diff(values) >= 0.0))
-
-    def _numbers(self, column: ListColumn, *, needed: bool = False) -> Array:
-        """
-        Return the numbers of a column as written, shape (n,); nan for an empty cell or a null value.
-
-        Raises ListFileError for a cell that is not a number, and for a row without a cell of a needed column.
-        """
-        mark = self._mark(column)
-        numbers = np.full(len(self.rows), math.nan)
-        for k, (row, cell) in enumerate(zip(self.rows, self._cells(column), strict=True)):
-            if column.number >= len(row.cells) and needed:
-                raise ListFileError(
-                    f"{row.at}: {len(row.cells)} fields, the header names {column.quantity} as number"
-                    f" {column.number + 1}"
-                )
-            if number_cells.is_null(cell):
-                continue
-            numbers[k] = self._number(cell, mark, column, row.at)
-        return numbers
-
-    def _number(self, cell: number_cells.Cell, mark: str, column: ListColumn, at: str) -> float:
-        if column.quantity in ANGLES:
-            angle = number_cells.angle(str(cell), bearing=column.quantity == "azimuth")
-            if math.isfinite(angle):
-                # Degrees with minutes, and quadrant bearings, are in degrees, whatever unit the column states.
-                return angle * list_columns.ANGLE_UNITS["deg"] / self._factor(column)
-        number, words = number_cells.split(cell) or ("", "")
-        try:
-            value = number_cells.value(number, mark or number_cells.decimal_mark(number))
-        except ValueError:
-            value = math.nan
-        if words.lower() in ("s", "w"):
-            value = -value
-        if not math.isfinite(value) or (words and not self._unit_in_cell(words, column)):
-            shown = str(cell) if len(str(cell)) < 60 else f"{str(cell)[:57]}..."
-            raise ListFileError(f"{at}: {column.quantity}: expected a finite number, got {shown!r}")
-        return value
-
-    def _unit_in_cell(self, words: str, column: ListColumn) -> bool:
-        """Return whether the words after a number are the unit of its column, or a compass direction."""
-        if column.quantity in (*_LOCAL, *_MAP) and words.lower() in ("n", "s", "e", "w"):
-            return True
-        unit = list_columns.unit_word(words)
-        known = list_columns.ANGLE_UNITS if column.quantity in ANGLES else list_columns.LENGTH_UNITS
-        if unit not in known:
-            return False
-        stated = column.unit or ("deg" if column.quantity in ANGLES else self.head.length_unit)
-        return not stated or known.get(stated) == known[unit]
-
-    def _factor(self, column: ListColumn) -> float:
-        """
-        Return the factor to SI units; if the column states no unit, the unit in its cells or in the head is used.
-
-        Raises ListFileError if a length has no unit, or if a unit is not understood.
-        """
-        otherwise = ""
-        if not (column.unit or column.strange or column.quantity in FIGURES or self._given_unit(column)):
-            angle = column.quantity in ANGLES
-            otherwise = self._cell_unit(column) or (self.head.angle_unit if angle else self._length_unit(column))
-        if self.german and (column.unit or otherwise) == "grad" and not self.given.angle_unit:
-            # The German word Grad means degrees; elsewhere grads are 400 to the circle.
-            column = dataclasses.replace(column, unit="deg")
-            text = f"{self.name}: 'Grad' in a list with German names is read as degrees; --angle-unit sets another unit"
-            if all(one.text != text for one in self.remarks):
-                self._say(RemarkKind.UNIT_ASSUMED, text)
-        given = (
-            self.given if self._given_unit(column) else dataclasses.replace(self.given, length_unit="", angle_unit="")
-        )
-        factor = list_columns.factor(column, self.table.at, given, otherwise)
-        known = {**list_columns.LENGTH_UNITS, **list_columns.ANGLE_UNITS}
-        if column.unit and self._given_unit(column) and known[column.unit] != factor:
-            text = (
-                f"{self.name}: column {column.name!r} states {column.unit!r}; {self._given_unit(column)} is used, as"
-                " set by the user"
-            )
-            if all(one.text != text for one in self.remarks):
-                self._say(RemarkKind.OVERRIDDEN, text)
-        if column.strange and column.unit:
-            text = f"{self.name}: {column.strange!r} in the name of column {column.name!r} is not understood"
-            self._say(RemarkKind.COLUMN_NOT_READ, text)
-        return factor
-
-    def _given_unit(self, column: ListColumn) -> str:
-        """Return the unit that the caller states; "" for coordinates whose unit the head states."""
-        if column.quantity in ANGLES:
-            return self.given.angle_unit
-        return "" if column.quantity in (*_LOCAL, *_MAP) and self.head.map_unit else self.given.length_unit
-
-    def _cell_unit(self, column: ListColumn) -> str:
-        for cell in self._cells(column):
-            found = None if number_cells.is_null(cell) else number_cells.split(cell)
-            if found is not None and found[1]:
-                return list_columns.unit_word(found[1])
-        return ""
-
-    def _length_unit(self, column: ListColumn) -> str:
-        """
-        Return the unit for a column of lengths whose name and cells have no unit.
-
-        The unit comes from, in this order: the head, the other lengths of the list, the elevation of the datum or the
-        coordinates in the head. The result is "" if none of these has a unit. Raises ListFileError if the head states
-        a unit that is not understood.
-        """
-        if self.head.strange_unit:
-            raise ListFileError(
-                f"{self.name}: the head gives depths in {self.head.strange_unit!r}, which is not understood; say the"
-                " unit with --length-unit"
-            )
-        mapped = column.quantity in (*_LOCAL, *_MAP)
-        if mapped and self.head.map_unit:
-            return self.head.map_unit
-        if self.head.length_unit:
-            return self.head.length_unit
-        said = {one.unit for found in self.of.values() for one in found if one.unit in list_columns.LENGTH_UNITS}
-        if len({list_columns.LENGTH_UNITS[unit] for unit in said}) == 1:
-            unit = said.pop()
-            self._assumed_unit(unit, "as other lengths of the list")
-            return unit
-        hint = self.head.hinted_unit or self.head.map_unit
-        if hint:
-            what = "the elevation of the depth datum" if self.head.hinted_unit else "the coordinates"
-            self._assumed_unit(hint, f"as {what} in its head")
-        return hint
-
-    def _assumed_unit(self, unit: str, why: str) -> None:
-        text = f"{self.name}: a length without unit is taken in {unit}, {why}"
-        if all(one.text != text for one in self.remarks):
-            self._say(RemarkKind.UNIT_ASSUMED, text)
 
     # Conversion of rows to stations.
 
@@ -598,10 +283,10 @@ class _ListReader:
         values = {}
         for what, column in self.columns.items():
             if what not in TEXTS:
-                values[what] = self._numbers(column, needed=what in ("md", angle, "azimuth")) * self._factor(column)
+                values[what] = self.values.si(column, needed=what in ("md", angle, "azimuth"))
         self._refuse_radians(values, angle)
         self._name_nulls()
-        texts = {what: self._cells(column) for what, column in self.columns.items() if what in TEXTS}
+        texts = {what: self.values.cells(column) for what, column in self.columns.items() if what in TEXTS}
         found, empty, unused = [], [], 0
         for k, row in enumerate(self.rows):
             said = {what: str(cells[k]).strip() for what, cells in texts.items()}
@@ -617,7 +302,7 @@ class _ListReader:
                 continue
             found.append(_ListedStation(row.at, numbers, said))
         if empty:
-            shown = ", ".join(one.at.rpartition(", ")[2] for one in empty[:_FEW])
+            shown = ", ".join(one.at.rpartition(", ")[2] for one in empty[:QUOTED])
             text = f"{self.name}: {len(empty)} rows without depth or inclination are left out: {shown}"
             self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(len(empty)))
         if unused:
@@ -650,17 +335,21 @@ class _ListReader:
 
     def _name_nulls(self) -> None:
         """Add a remark that quotes the null values that were read as missing."""
-        cells = [str(c) for what, one in self.columns.items() if what not in TEXTS for c in self._cells(one)]
+        cells = [str(c) for what, one in self.columns.items() if what not in TEXTS for c in self.values.cells(one)]
         nulls = [c.strip() for c in cells if number_cells.is_null(c) and any(s.isalnum() for s in c)]
         if nulls:
-            quoted = ", ".join(map(repr, sorted(set(nulls))[:_FEW]))
+            quoted = ", ".join(map(repr, sorted(set(nulls))[:QUOTED]))
             text = f"{self.name}: {len(nulls)} cells have a null value ({quoted}) and are read as no value"
             self._say(RemarkKind.NULL_VALUES, text, cells=float(len(nulls)))
 
     def _refuse_radians(self, values: dict[str, Array], angle: str) -> None:
         """Raise ListFileError if angles have no stated unit and are all small enough to be radians."""
         columns = [self.columns[what] for what in (angle, "azimuth")]
-        if self.given.angle_unit or self.head.angle_unit or any(one.unit or self._cell_unit(one) for one in columns):
+        if (
+            self.given.angle_unit
+            or self.head.angle_unit
+            or any(one.unit or self.values.cell_unit(one) for one in columns)
+        ):
             return
         inc, azi = (np.degrees(values[what]) for what in (angle, "azimuth"))
         azi = azi[np.isfinite(azi) & (np.abs(azi) > 0.0)]
@@ -796,7 +485,7 @@ class _ListReader:
             time=tuple(row.texts.get("time", "") for row in rows),
             verdict=tuple(_verdict(row) for row in rows),
             figures={what: self._figure(what, column(what)) for what in FIGURES},
-            remarks=tuple(self.remarks),
+            remarks=distinct(self.remarks),
             start=start,
             well={} if self.provenance is None else self.provenance.well,
         )
@@ -816,7 +505,7 @@ class _ListReader:
         text = f'{self.name}: the coordinates depend on an assumption: the column "coordinates" begins with "assumed"'
         remark = Remark(RemarkKind.TIE_ON_ASSUMED, text, {"measured_depth": first.numbers["md"]})
         md, inclination, azimuth = (first.numbers.get(what, 0.0) for what in NEEDED)
-        north, east = (first.numbers.get(what, 0.0) for what in _LOCAL)
+        north, east = (first.numbers.get(what, 0.0) for what in LOCAL)
         position = north, east, first.numbers.get("tvd", md)
         return Start(md, inclination, azimuth, position, WITHOUT_POSITION, (remark,))
 
@@ -905,13 +594,13 @@ class _ListReader:
         The wellhead is subtracted from map coordinates. Raises ListFileError if the wellhead is needed but unknown, or
         if offsets and map coordinates in the list contradict each other.
         """
-        local = all(what in self.columns for what in _LOCAL)
-        charted = all(what in self.columns for what in _MAP)
+        local = all(what in self.columns for what in LOCAL)
+        charted = all(what in self.columns for what in MAP)
         if not local and not charted:
             return column("north"), column("east")
         if self.provenance is not None:
             return column("north"), column("east")
-        names = _LOCAL if local else _MAP
+        names = LOCAL if local else MAP
         pair = np.column_stack([column(names[0]), column(names[1])])
         inclination = float(column("inclination")[0])
         shifted, remarks = offsets_from_wellhead(
@@ -920,7 +609,7 @@ class _ListReader:
         self.remarks += remarks
         if local and charted:
             # Use the offsets; the map coordinates in the same list give the position of the wellhead.
-            charts = np.column_stack([column(_MAP[0]), column(_MAP[1])])
+            charts = np.column_stack([column(MAP[0]), column(MAP[1])])
             beside, more = offsets_from_wellhead(
                 self.name, md, charts, inclination, self.given, self.head.wellhead, charted=True
             )
