@@ -617,8 +617,8 @@ _LIMITS: dict[str, Callable[[LogSample], bool]] = {
         and all(0.0 <= seconds <= _LONGEST_S for seconds in one.sector_durations)
     ),
     f"numbers of sectors differ, or are above {_MOST_SECTORS}": _even,
-    "value larger than any measurement": lambda one: all(map(_small, (one.value, *one.sectors))),
-    "sigma or counts negative or larger than any measurement": lambda one: all(
+    f"value above {_LARGEST:g}, which no sensor measures": lambda one: all(map(_small, (one.value, *one.sectors))),
+    f"sigma or counts negative, or above {_LARGEST:g}": lambda one: all(
         _within(number, 0.0, _LARGEST) for number in (one.sigma, one.counts, *one.sigma_sectors)
     ),
 }

@@ -517,14 +517,13 @@ class UsedSamples:
             for run in self._counts.get(single, ()):
                 if run.recorded == run.used:
                     continue
-                more = run.recorded - run.used
-                words = (
-                    f"the input differs from the live input: from {_time(run.first_ns)} on, the live estimator used "
-                    f"{run.used} samples of {single}, and the recording has {run.recorded}"
-                )
                 late_s = (run.recorded_from_ns - run.first_ns) * 1e-9
-                begins = f", the first {late_s:.3g} s later" if run.recorded and late_s > 0.0 else ""
-                found.append(f"{words} ({abs(more)} {'more' if more > 0 else 'fewer'}{begins}): surveys may differ")
+                begins = f"; its first sample is {late_s:.3g} s later" if run.recorded and late_s > 0.0 else ""
+                found.append(
+                    f"the input differs from the live input: from {_time(run.first_ns)} on, the live estimator used "
+                    f"{run.used} samples of {single}, and the recording has {run.recorded}{begins}; surveys may differ "
+                    "from the live surveys"
+                )
         return found
 
 
