@@ -68,7 +68,7 @@ class MagneticDelay:
     Attributes
     ----------
     delay_s, sigma_s : float
-        Delay that remains in the corrected stamps, and 1 sigma, s.
+        Delay that remains in the corrected stamps, and 1 sigma.
     """
 
     def __init__(self) -> None:
@@ -110,7 +110,7 @@ class MagneticDelay:
 
     def judge(self, end_ns: int) -> int:
         """
-        Evaluate all samples up to half a second before a stamp; end_ns: stamp, ns.
+        Evaluate all samples up to half a second before a stamp; end_ns: stamp.
 
         Returns the delay to correct, ns; 0 if it is too small, too uncertain or implausible.
         """

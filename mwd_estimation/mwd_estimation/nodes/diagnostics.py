@@ -123,7 +123,7 @@ def sensor_diagnostics(pipeline: Pipeline, *, has_azimuth: bool) -> list[Diagnos
 
 
 def survey_diagnostic(pipeline: Pipeline, settings: EstimatorSettings, requested_s: float | None) -> Diagnostic:
-    """Return the diagnostic of the current survey; requested_s: duration of a requested survey, s, or None."""
+    """Return the diagnostic of the current survey; requested_s: duration of a requested survey, or None."""
     survey, still = settings.survey, pipeline.still
     share = still.progress
     if not (survey.automatic or requested_s is not None) or share == 0.0:

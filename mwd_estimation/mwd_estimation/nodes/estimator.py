@@ -532,7 +532,7 @@ def published_rows(stamps: Stamps, last_ns: int) -> Indices:
     """
     Return the indices of the samples whose estimates are published: at least `MIN_SPACING_NS` apart.
 
-    stamps: stamps of the samples, ns, shape (n,); last_ns: stamp of the last published estimate, ns. If time goes back
+    stamps: stamps of the samples, ns, shape (n,); last_ns: stamp of the last published estimate. If time goes back
     by at least this spacing, the next estimate is published.
     """
     far = np.abs(np.diff(stamps)) >= MIN_SPACING_NS

@@ -335,7 +335,7 @@ class UnitClock:
     Attributes
     ----------
     offset_ns : int
-        Offset in force, ns; 0 before it is known.
+        Offset in force; 0 before it is known.
     jumps : int
         Number of times that the offset changed at once; -1 before it is known.
     """

@@ -33,7 +33,7 @@ class SupervisionRow:
     limit : float
         Largest normal reading, in the unit of the reading.
     persistence_s : float
-        Time for which a reading must be above the limit to raise the alarm, and within it to clear the alarm, s.
+        Time for which a reading must be above the limit to raise the alarm, and within it to clear the alarm.
     remedy : str
         Advice to the user.
     action, degraded : str

@@ -43,9 +43,9 @@ class MemoryClock:
     Attributes
     ----------
     reference_ns : int
-        Run time at which `offset_s` holds, ns.
+        Run time at which `offset_s` holds.
     offset_s, sigma_offset_s : float
-        Memory minus run at that time, s, and 1 sigma.
+        Memory minus run at that time, and 1 sigma.
     drift, sigma_drift : float
         Growth of the offset, s/s, and 1 sigma; both NaN with fewer than three changes of the rotation, because the
         scatter of the offsets is then unknown.

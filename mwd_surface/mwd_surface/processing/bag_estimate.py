@@ -75,7 +75,7 @@ class _Result:
     originals : list of MessagePart
         Messages of the bag.
     until_ns : int
-        No message logged up to this time, ns, will follow; None if no such time is known.
+        No message logged up to this time will follow; None if no such time is known.
     """
 
     output: Output | None
@@ -447,10 +447,10 @@ class _Count:
     """
     Numbers of samples of one topic, in one run of the live estimator.
 
-    first_ns, last_ns : stamps of the first and the last sample used live, ns.
+    first_ns, last_ns : stamps of the first and the last sample used live.
     used : number of samples used live.
     recorded : number of samples between these stamps in the recording.
-    recorded_from_ns : first of their stamps, ns.
+    recorded_from_ns : first of their stamps.
     """
 
     first_ns: int
@@ -611,7 +611,7 @@ class Imu:
     """
     IMU samples ready for the estimator.
 
-    log_ns : log times of the samples, ns.
+    log_ns : log times of the samples.
     followed : smoothed gravity at the samples; None without a smoother.
     """
 

@@ -25,7 +25,7 @@ class Grid:
     Parameters
     ----------
     tu_s : float
-        Time unit of the tool, s.
+        Time unit of the tool.
     """
 
     def __init__(self, tu_s: float) -> None:
@@ -176,7 +176,7 @@ class Strokes:
         Parameters
         ----------
         time_s : ndarray, shape (n,)
-            Rising times, s. Strokes after the last time are not used, so the result does not depend on when they
+            Rising times. Strokes after the last time are not used, so the result does not depend on when they
             arrive.
 
         Returns

@@ -49,7 +49,7 @@ class Overlap:
     """
     An interval that two sources cover.
 
-    from_m, to_m: measured depths, m.
+    from_m, to_m: measured depths.
     used, left_out: names of the sources.
     sigma_used, sigma_left_out: semi-major axis of the horizontal error ellipse at to_m, 1 sigma, m, of the path with
     each source.

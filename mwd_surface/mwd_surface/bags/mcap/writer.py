@@ -77,7 +77,7 @@ class McapWriter:
     counts : dict of int to int
         Number of messages of each channel, including those in the current chunk.
     start_ns, end_ns : int
-        First and last log time, ns; start_ns is None, and end_ns 0, without a message.
+        First and last log time; start_ns is None, and end_ns 0, without a message.
 
     Raises
     ------

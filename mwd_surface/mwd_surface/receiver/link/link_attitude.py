@@ -119,7 +119,7 @@ class LinkAttitude:
     Attributes
     ----------
     travel_s : float
-        Travel time of a word to the surface, s.
+        Travel time of a word to the surface.
     rotating : bool
         Whether the string rotates.
     in_slips : bool

@@ -144,7 +144,7 @@ class OtherWidth:
     Attributes
     ----------
     found_s : float or None
-        Pulse width that the tool sends, s.
+        Pulse width that the tool sends.
     """
 
     def __init__(self, tool: ToolConfiguration) -> None:
@@ -164,9 +164,9 @@ class OtherWidth:
         time_s, pressure_pa : ndarray, shape (n,)
             Rising times, s, and Pa.
         since_s : float
-            Time of flow-on as known before these samples, s; -inf if unknown, and the sync may have been missed.
+            Time of flow-on as known before these samples; -inf if unknown, and the sync may have been missed.
         first_s : float
-            Delay of the first search after flow-on, s; a second search, for wider pulses, follows after twice this
+            Delay of the first search after flow-on; a second search, for wider pulses, follows after twice this
             time.
         """
         second = float(np.floor(time_s[0]))

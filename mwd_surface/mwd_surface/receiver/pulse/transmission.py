@@ -186,7 +186,7 @@ class ReceivedTransmission:
         """
         Decode the next stretch.
 
-        off_s: time from which the flow is off, s; the pressure after it is not used.
+        off_s: time from which the flow is off; the pressure after it is not used.
         """
         self._off_s = off_s
         if self._pass is None or self._pass.complete:
