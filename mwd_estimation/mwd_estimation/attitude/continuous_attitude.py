@@ -205,7 +205,7 @@ class AttitudeStream:
         """
         Return the attitude of the n samples without gyros, ATTITUDE_ROW, and the magnetic azimuths of the block.
 
-        Magnetic samples are used as far as they are due, and the selected ones are stored in `handed_on`.
+        A magnetic sample is used after its waiting time for gravity; the samples used are stored in `handed_on`.
         """
         plain: list[Samples] = []
         magnetic: list[Samples] = []

@@ -450,7 +450,7 @@ class _Count:
     first_ns, last_ns : stamps of the first and the last sample used live.
     used : number of samples used live.
     recorded : number of samples between these stamps in the recording.
-    recorded_from_ns : first of their stamps.
+    recorded_from_ns : stamp of the first of these recorded samples.
     """
 
     first_ns: int
