@@ -208,7 +208,7 @@ class MagneticDelay:
         gain = P @ h
         variance = float(h @ gain) + noise
         if self._begun and innovation**2 > 9.0 * variance:
-            # A new attitude or interference: restart the angle and keep the delay.
+            # The attitude or the interference has changed: restart the estimate of the angle, and keep the delay.
             P[0, 0], P[0, 1], P[1, 0] = math.pi**2, 0.0, 0.0
             gain = P @ h
             variance = float(h @ gain) + noise

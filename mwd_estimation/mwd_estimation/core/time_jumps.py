@@ -53,7 +53,7 @@ class _Pace:
 
     def __init__(self, first_step_ns: int = BACK_NS) -> None:
         self.last_ns = _NONE
-        # With this step, `follows` admits a first step of `first_step_ns`.
+        # `follows` accepts a step of `_PACES` times the last step, so the first step may be `first_step_ns`.
         self._step = first_step_ns // _PACES
 
     def follows(self, stamp: int) -> bool:

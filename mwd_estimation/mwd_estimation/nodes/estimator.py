@@ -76,7 +76,7 @@ _LATELY_S = 10.0  # time without unused samples after which the warning about un
 class EstimatorNode(GraphNode[EstimatorSettings]):
     """Node that subscribes to the topics of the sonde, never to simulated truth, and publishes attitude and surveys."""
 
-    # Every block except the choice of the gravity method.
+    # Beginnings of the parameters that may change while the node runs: all except the choice of the gravity method.
     changeable = ("tool.", "place.", "survey.", "verdict.", "gravity.expert.", "attitude.", "dynamics.", "transmit.")
 
     def __init__(self, **node_options: Any) -> None:

@@ -409,7 +409,7 @@ class StatusHistory:
         its bin, ns. An event is one bin late, so the row before it is the last one of the next bin.
         """
         for place, end_ns in bins:
-            # The status of the last row of the next bin.
+            # Row `place` - 1 is the last row of the bin after the bin of the event.
             self._kept.append((end_ns + self._bin_ns, int(status[place - 1]) if place else self._last))
         if len(status):
             self._last = int(status[-1])

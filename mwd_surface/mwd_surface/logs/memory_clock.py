@@ -26,7 +26,7 @@ _LEAST_S = 4.0  # shortest time with data before and after a change, s
 _FINE_S, _REACH_S = 0.02, 2.0  # step and largest correction of the refinement, s
 # Lowest correlation of a match, and smallest difference from the correlation of any other match.
 _LEAST_CORRELATION, _LEAST_LEAD = 0.85, 0.02
-_APART_S = 20.0  # an offset that differs by more from the best offset counts as another match, s
+_APART_S = 20.0  # smallest distance of another match from the best offset, s
 # Largest drift, s/s. Crystal clocks drift far less, so a larger drift means a wrong match.
 _MOST_DRIFT = 2e-4
 

@@ -124,7 +124,7 @@ def _longest_flow(time_s: Array, pressure_pa: Array) -> float:
     flow = FlowSpans()
     flow.push(time_s, pressure_pa)
     ends = [*(span.start_s for span in flow.spans[1:]), float(time_s[-1])]
-    # The last span without flow may last to the end, with no flow after it.
+    # If the last span without flow has not ended, its end is inf, and no flow follows it.
     flows = [(end - span.end_s, span.end_s) for span, end in zip(flow.spans, ends, strict=False)]
     return max((one for one in flows if math.isfinite(one[1])), default=(0.0, float(time_s[0])))[1]
 
