@@ -355,7 +355,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             dip=request.dip,
             declination=request.declination,
             convergence=request.convergence,
-            gravity=or_none(request.gravity) or None,  # 0: a client left it out
+            gravity=or_none(request.gravity) or None,  # 0: the client gave no gravity
             source=request.source,
         )
         self._pipeline.set_reference(reference)

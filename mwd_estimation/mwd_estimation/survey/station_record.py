@@ -72,7 +72,7 @@ class Station:
     azimuth: float = math.nan
     sigma_azimuth: float = math.nan
     north: str = "magnetic"  #: magnetic, true or grid
-    north_correction: float = 0.0  #: added to the magnetic azimuth, rad
+    north_correction: float = 0.0  #: angle added to the magnetic azimuth, rad
     method: AzimuthMethod = AzimuthMethod.NONE  #: method of the azimuth
     corrected: bool = False  #: whether the field of the string that the run found was removed from the azimuth
     azimuths: tuple[MethodAzimuth, ...] = ()  #: azimuths of all methods
