@@ -99,7 +99,7 @@ def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last: LastMag
     """
     Return whether the azimuth is known, the azimuth, rad, and its sigma, rad; NaN if unknown.
 
-    The last magnetic azimuth is used only if none was propagated, magnetic samples arrive (the plain azimuth is known),
+    The last magnetic azimuth is used only if none was propagated, magnetic samples arrive (`plain.azimuth` is known),
     and the field is not disturbed. status: bits of `Status`.
     """
     if math.isfinite(azimuth.azimuth):
@@ -118,12 +118,12 @@ def _magnetic_toolface(
     """
     Return the magnetic toolface and its 1 sigma, rad.
 
-    Near the vertical, or without an azimuth, it is the plain toolface. azimuth, sigma: azimuth and its sigma, rad.
+    Near the vertical, or without an azimuth, it is the toolface of `plain`. azimuth, sigma: azimuth and its sigma, rad.
     down_x: x component of the unit vector down.
     """
     if near_vertical or not math.isfinite(azimuth):
         return plain.magnetic_toolface, plain.sigma_magnetic_toolface
-    # Add the azimuth minus the plain azimuth to the magnetic toolface. Without a plain azimuth, compute the magnetic
+    # Add the azimuth minus `plain.azimuth` to the magnetic toolface. If `plain.azimuth` is NaN, compute the magnetic
     # toolface from the azimuth and the gravity toolface.
     if math.isfinite(plain.azimuth):
         toolface = plain.magnetic_toolface + (azimuth - plain.azimuth)

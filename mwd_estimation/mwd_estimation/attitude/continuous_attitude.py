@@ -131,8 +131,7 @@ class AttitudeStream:
         """
         Correct the stamps of waiting magnetic samples, and let all magnetic samples wait longer for gravity.
 
-        late_ns: delay of the stamps that is removed, ns; wait_ns: time added to the lag of the settings, `mag_lag_ns`,
-        ns.
+        late_ns: delay of the stamps that is removed; wait_ns: time added to the lag of the settings, `mag_lag_ns`.
         """
         self._mag = self._mag._replace(stamp_ns=self._mag.stamp_ns - late_ns)
         self._alignment = self._alignment._replace(mag_lag_ns=self._mag_lag_ns + wait_ns)
@@ -206,7 +205,7 @@ class AttitudeStream:
         """
         Return the attitude of the n samples without gyros, ATTITUDE_ROW, and the magnetic azimuths of the block.
 
-        Magnetic samples are used as far as they are due, and the selected ones are stored in `handed_on`.
+        A magnetic sample is used after its waiting time for gravity; the samples used are stored in `handed_on`.
         """
         plain: list[Samples] = []
         magnetic: list[Samples] = []

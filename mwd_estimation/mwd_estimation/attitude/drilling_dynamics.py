@@ -63,7 +63,7 @@ class DynamicsState:
 
     index: int  #: index of the open slot; _NONE before the first
     slots: Annotated[MutableSequence[Slot], SLOTS]  #: last slots, each stored at its index modulo SLOTS
-    #: `last_ns`, `shock_ns`: stamp of the last sample, and of the last sample above the shock threshold, ns; _NONE
+    #: `last_ns`, `shock_ns`: stamp of the last sample, and of the last sample above the shock threshold; _NONE
     #: before the first.
     last_ns: int
     shock_ns: int

@@ -159,7 +159,7 @@ class GyroAzimuthState:
     x: Annotated[Array, STATES]
     P: Annotated[Array, STATES, STATES]
     have_azimuth: bool  #: whether the filter has an azimuth
-    #: `since_used_s`, `since_seen_s`: time since the last magnetic azimuth used, and since the last one received, s.
+    #: `since_used_s`, `since_seen_s`: time since the last magnetic azimuth used, and since the last one received.
     since_used_s: float
     since_seen_s: float
     rejected_s: float  #: time for which good magnetic azimuths have been rejected, s

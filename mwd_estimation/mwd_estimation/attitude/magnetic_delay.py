@@ -68,7 +68,7 @@ class MagneticDelay:
     Attributes
     ----------
     delay_s, sigma_s : float
-        Delay that remains in the corrected stamps, and 1 sigma, s.
+        Delay that remains in the corrected stamps, and 1 sigma.
     """
 
     def __init__(self) -> None:
@@ -110,7 +110,7 @@ class MagneticDelay:
 
     def judge(self, end_ns: int) -> int:
         """
-        Evaluate all samples up to half a second before a stamp; end_ns: stamp, ns.
+        Evaluate all samples up to half a second before a stamp; end_ns: stamp.
 
         Returns the delay to correct, ns; 0 if it is too small, too uncertain or implausible.
         """
@@ -208,7 +208,7 @@ class MagneticDelay:
         gain = P @ h
         variance = float(h @ gain) + noise
         if self._begun and innovation**2 > 9.0 * variance:
-            # A new attitude or interference: restart the angle and keep the delay.
+            # The attitude or the interference has changed: restart the estimate of the angle, and keep the delay.
             P[0, 0], P[0, 1], P[1, 0] = math.pi**2, 0.0, 0.0
             gain = P @ h
             variance = float(h @ gain) + noise

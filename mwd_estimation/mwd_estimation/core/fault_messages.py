@@ -314,7 +314,7 @@ _DESCRIPTIONS = {
     ),
     FaultCode.ADRIFT: _Description(
         _plain(
-            "{sensor} does not turn as gravity and the magnetic field do",
+            "{sensor} measures a rotation that does not fit gravity and the magnetic field",
             f"check unit and range of the sensor; {_CABLE}",
         ),
         "mismatch",
@@ -322,7 +322,7 @@ _DESCRIPTIONS = {
     ),
     FaultCode.REST_RATE: _Description(
         _plain(
-            "{sensor} turns at rest by more than the Earth and its bias allow",
+            "{sensor} measures a larger rate at rest than the Earth rate and its stated bias",
             "check unit (rad/s) and calibration of the gyro; tool.precision.gyro.bias_deg_h is the bias that is "
             "allowed",
         ),

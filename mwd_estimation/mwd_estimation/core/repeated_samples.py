@@ -135,7 +135,7 @@ def _judge(s: RepeatedState, numbers: Array, stamp_ns: Stamps, stamped: bool, ki
     """
     Fill `kind`, shape (n,), with _FRESH, _COPY or _SUSPECT for each sample, and update the state.
 
-    numbers: readings, shape (n, k); stamp_ns: stamps, ns, shape (n,); stamped: whether equal stamps mean the same
+    numbers: readings, shape (n, k); stamp_ns: stamps, shape (n,); stamped: whether equal stamps mean the same
     measurement.
     """
     bits = numbers.view(np.int64)

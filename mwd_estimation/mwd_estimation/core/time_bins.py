@@ -177,7 +177,7 @@ def _fill(
     """
     Add the samples from index `start` on; stop if `closed` is full.
 
-    stamp_ns, values: as in `Binner.add`; length_ns: length of a bin, ns. Returns the index of the first sample not
+    stamp_ns, values: as in `Binner.add`; length_ns: length of a bin. Returns the index of the first sample not
     added, and the number of closed bins.
     """
     s = state[0]

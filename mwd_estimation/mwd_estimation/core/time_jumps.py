@@ -43,7 +43,7 @@ def advances(stamps: Stamps, newest_ns: int) -> NDArray[np.bool_]:
     """
     Return a mask of the samples that are later than all earlier samples, shape (n,).
 
-    stamps: ns, shape (n,); newest_ns: latest stamp before the block, ns.
+    stamps: ns, shape (n,); newest_ns: latest stamp before the block.
     """
     return np.asarray(stamps > np.maximum.accumulate(np.concatenate([[newest_ns], stamps]))[:-1])
 
@@ -53,7 +53,7 @@ class _Pace:
 
     def __init__(self, first_step_ns: int = BACK_NS) -> None:
         self.last_ns = _NONE
-        # With this step, `follows` admits a first step of `first_step_ns`.
+        # `follows` accepts a step of `_PACES` times the last step, so the first step may be `first_step_ns`.
         self._step = first_step_ns // _PACES
 
     def follows(self, stamp: int) -> bool:
@@ -247,7 +247,7 @@ class Clocks:
         """
         Remove and return the waiting samples of each stream whose time the leader has reached, by name of the stream.
 
-        before_ns: latest stamp of the leader before its last block, ns. Thus a stream whose clock was ahead and is
+        before_ns: latest stamp of the leader before its last block. Thus a stream whose clock was ahead and is
         right again waits only until the next sample of the leader.
         """
         found = {}

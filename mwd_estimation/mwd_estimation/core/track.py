@@ -20,9 +20,9 @@ from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-ROTATING_ABOVE = 0.5  # low-passed rate about the tool axis, rad/s (4.8 r/min)
-STILL_RATE = 0.05  # decaying peak of the angular rate, rad/s
-STILL_NON_GRAVITY = 0.5  # decaying peak of the non-gravity acceleration, m/s^2
+ROTATING_ABOVE = 0.5  # low-passed rate about the tool axis above which the string rotates, rad/s (4.8 r/min)
+STILL_RATE = 0.05  # decaying peak of the angular rate below which the tool is still, rad/s
+STILL_NON_GRAVITY = 0.5  # decaying peak of the non-gravity acceleration below which the tool is still, m/s^2
 STILL_HOLD = 1.0  # time constant of the decay of both peaks, s
 ROTARY_LAG = 0.5  # time constant of the rotary speed, s
 NEAR_VERTICAL_BELOW = math.radians(3.0)  # inclination below which gravity across the tool is too small for a toolface

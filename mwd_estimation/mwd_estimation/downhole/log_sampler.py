@@ -151,7 +151,7 @@ class LogSampler:
         seconds: set[int] = set()
         for name, place in at.items():
             late = (place < begin) & (place >= begin - _SET_BACK_S)
-            # Do not count late rows of the attitude: they are kept for a second to give the toolface of later counts.
+            # Do not count late rows of the attitude: they are kept for a second, for the toolface of later pulses.
             self.late += int(late.sum()) if name != "attitude" else 0
             seconds.update(np.unique(place[(place >= begin) & (place < until_s)]).tolist())
         found: list[LogSample] = []

@@ -160,7 +160,7 @@ class Transmitter:
         """
         Add running means of log channels, in order of time and before the attitude of the same time.
 
-        known_ns: time from which the means are known, ns; samples: means by the name of the channel.
+        known_ns: time from which the means are known; samples: means by the name of the channel.
         """
         found: Readings = {}
         for word, (name, channel, sector) in self._logged_words.items():
@@ -406,7 +406,7 @@ class ContinuousSurvey:
         self._best: Readings = {}
 
     def take(self, stamp_ns: int, readings: Readings) -> None:
-        """Add the readings of one sample; stamp_ns: stamp of the sample, ns."""
+        """Add the readings of one sample; stamp_ns: stamp of the sample."""
         if self._begin is None:
             self._begin = stamp_ns
         elif stamp_ns - self._begin >= self._window_ns:

@@ -113,7 +113,7 @@ def run(
     state : SeekState
         State of the seek, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
-        Stamps, ns.
+        Stamps.
     gyro_t, accel_t : array_like, shape (n, 3)
         Angular rate, rad/s (see `dual_unit`), and specific force (up at rest), m/s^2, in tool axes. Rates are means
         over the interval that ends at the stamp.

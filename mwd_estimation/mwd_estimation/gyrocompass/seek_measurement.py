@@ -70,7 +70,7 @@ def measure(s: SeekState, work: SeekWork) -> None:
         else:
             s.turn_time += t
         s.elapsed += t
-        # Add the bias again, because its estimate still changes.
+        # `force` is without the bias estimated so far. Add that bias, so that `down_force` is the sum of the readings.
         s.down_force += s.sums.force[2]
         for j in range(3):
             s.down_force += s.sums.mat[2, j] * s.force_bias[j]

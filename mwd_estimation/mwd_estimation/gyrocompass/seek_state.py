@@ -55,7 +55,7 @@ class SeekPhase(enum.IntEnum):
 
 
 class KernelParams(NamedTuple):
-    """Parameters of `seek_params.SeekParams` in SI; all errors are 1 sigma, except those marked as a value."""
+    """Parameters of `seek_params.SeekParams` in SI; errors are 1 sigma unless marked as a value (not a sigma)."""
 
     horizontal: float  #: horizontal Earth rate, rad/s
     down: float  #: vertical Earth rate, rad/s

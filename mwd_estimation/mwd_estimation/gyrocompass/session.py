@@ -50,7 +50,7 @@ class NorthSession:
     unit : SeekParams
         Figures of the precision unit, and the place.
     duration_s : float
-        Duration, s; 0: the duration of `params`. A seek that begins again lasts longer, up to twice the duration.
+        Duration; 0: the duration of `params`. A seek that begins again lasts longer, up to twice the duration.
     mode : str
         One of `MODES`, or empty to accept any motion.
 

@@ -129,7 +129,7 @@ def run(params: SeekParams, state: StaticState, stamp_ns: ArrayLike, gyro_t: Arr
     state : StaticState
         State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
-        Stamps, ns.
+        Stamps.
     gyro_t, accel_t : array_like, shape (n, 3)
         Angular rate, rad/s, and specific force (up at rest), m/s^2, of the precision unit in tool axes.
 

@@ -98,7 +98,7 @@ class GyroStation:
         imu : Bin
             Rates and forces of the conventional unit in this bin.
         bin_s : float
-            Length of the bin, s.
+            Length of the bin.
         settled, still : bool
             Whether the string has settled, and whether the tool is still in this bin.
         samples : UnitSamples

@@ -65,7 +65,7 @@ class Window:
     turn : ndarray, shape (3,)
         Sum of the rotations about each axis, rad.
     began_ns : int
-        Start of the window, ns.
+        Start of the window.
     seconds : float
         Length of the window, s.
     """

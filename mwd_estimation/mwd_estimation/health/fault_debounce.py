@@ -268,7 +268,7 @@ def take_changes(checks: Any, now_ns: int, unit: FaultUnit = FaultUnit.CONVENTIO
     """
     Return the faults that began, changed or ended since the last call, and clear their marks in `checks`.
 
-    now_ns: end of the faults that have ended, ns.
+    now_ns: end of the faults that have ended.
     """
     changed = np.argwhere(checks["changed"] > 0)
     checks["changed"] = 0

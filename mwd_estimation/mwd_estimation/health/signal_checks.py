@@ -41,7 +41,7 @@ class AxisChannel:
     not_finite: int
     repeats: int
     at_limit: int
-    #: `first`, `last`: first value of the half second, and last value of all.
+    #: `first`, `last`: first value of the half second, and last value received so far.
     first: float
     last: float
     #: `total`, `total2`, `steps`: sums of the differences from the first value, of their squares, and of the sizes of

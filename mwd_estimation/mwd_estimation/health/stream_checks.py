@@ -53,7 +53,7 @@ class Stream:
     doubt_left: Annotated[Indices, 3]  #: number of half seconds for which each sensor stays doubtful
     doubtful: int  #: bits of the sensors that were doubtful in the last half second
     window: Annotated[Indices, 3]  #: worst state of each sensor in the window: 0, CLIPPED or BROKEN of `window_checks`
-    #: `window_ns`, `judged_ns`: start of the open window, and end of the last full window evaluated, ns; 0 if none.
+    #: `window_ns`, `judged_ns`: start of the open window, and end of the last full window evaluated; 0 if none.
     window_ns: int
     judged_ns: int
     in_vain: int  #: number of full windows with motion evaluated so far

@@ -139,8 +139,8 @@ def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
         strange = strange or not (right or mapping > 0)
         if mapping or known > 1 or not wrong[s]:
             wrong[s] = 1 << mapping if mapping else 0
-    # A mismatch ends if y or z agree, if the conventional unit is the faulty one, or if no difference was found for
-    # _FORGOTTEN_BINS.
+    # A mismatch ends if the y or z axes of both units agree, if the conventional unit is faulty, or if no difference
+    # was found for _FORGOTTEN_BINS bins.
     unit.state.agree[s] = 0 if strange else unit.state.agree[s] + 1
     over = shown or not sound or unit.state.agree[s] > _FORGOTTEN_BINS
     observe(mismatch, FOR if strange else (AGAINST if over else NOTHING), began, 0.0, 0.0)

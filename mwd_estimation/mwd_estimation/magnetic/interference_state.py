@@ -41,7 +41,7 @@ class InterferenceParams(NamedTuple):
     correlation_s: float = 10.0  #: correlation time of errors that are not white, s
     gate: float = 16.0  #: largest chi-square, with two degrees of freedom, of a sample that is used
     #: `max_reset_time_s`, `min_reset_time_s`: limits of the time of rejected samples after which the filter restarts
-    #: from its priors, s. Between these limits it is the time of the samples accepted since the last restart. Lowering
+    #: from its priors. Between these limits it is the time of the samples accepted since the last restart. Lowering
     #: `min_reset_time_s` lets short disturbances restart the filter.
     max_reset_time_s: float = 900.0
     min_reset_time_s: float = 10.0
@@ -59,7 +59,7 @@ class InterferenceState:
     field: Annotated[Array, 2]  #: reference H and V, T
     last_ns: int  #: stamp of the last sample, ns; -1 before the first
     #: `disturbed_s`, `learnt_s`: time of the rejected samples since the last accepted one, and time of all accepted
-    #: samples since the last restart, s.
+    #: samples since the last restart.
     disturbed_s: float
     learnt_s: float
 

@@ -45,7 +45,9 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int, lately: bool = True) 
     if not unused:
         return Diagnostic("samples", OK, "all used", values=values)
     if not lately:
-        return Diagnostic("samples", OK, f"all used now; {unused} were not used before", values=values)
+        return Diagnostic(
+            "samples", OK, f"all samples are used now; {unused} earlier samples were not used", values=values
+        )
     # Each cause has its own remedy; sensor faults have diagnostics of their own.
     remedies = {
         "gaps, repeated stamps, sensor faults: see the other entries of this node": counters.rejected,
@@ -121,7 +123,7 @@ def sensor_diagnostics(pipeline: Pipeline, *, has_azimuth: bool) -> list[Diagnos
 
 
 def survey_diagnostic(pipeline: Pipeline, settings: EstimatorSettings, requested_s: float | None) -> Diagnostic:
-    """Return the diagnostic of the current survey; requested_s: duration of a requested survey, s, or None."""
+    """Return the diagnostic of the current survey; requested_s: duration of a requested survey, or None."""
     survey, still = settings.survey, pipeline.still
     share = still.progress
     if not (survey.automatic or requested_s is not None) or share == 0.0:
@@ -133,7 +135,9 @@ def survey_diagnostic(pipeline: Pipeline, settings: EstimatorSettings, requested
         waits_for, waited = text(still.waits_for), still.waited_s
         left = max(survey.wait_for_gyro_s - waited, 0.0)
         waits = (("elapsed_s", f"{waited:.1f}"), ("remaining_s", f"{left:.1f}"), ("waits_for", waits_for))
-        return Diagnostic("survey", OK, f"averaging on, waits for the gyro: {waits_for}", values=waits)
+        return Diagnostic(
+            "survey", OK, f"averaging continues while the survey waits for the gyro: {waits_for}", values=waits
+        )
     values = (("elapsed_s", f"{share * seconds:.1f}"), ("remaining_s", f"{(1.0 - share) * seconds:.1f}"))
     settling = requested_s is None and share * seconds < survey.settle_s
     return Diagnostic("survey", OK, "letting the string settle" if settling else "averaging", values=values)

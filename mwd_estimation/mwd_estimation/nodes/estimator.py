@@ -76,7 +76,7 @@ _LATELY_S = 10.0  # time without unused samples after which the warning about un
 class EstimatorNode(GraphNode[EstimatorSettings]):
     """Node that subscribes to the topics of the sonde, never to simulated truth, and publishes attitude and surveys."""
 
-    # Every block except the choice of the gravity method.
+    # Beginnings of the parameters that may change while the node runs: all except the choice of the gravity method.
     changeable = ("tool.", "place.", "survey.", "verdict.", "gravity.expert.", "attitude.", "dynamics.", "transmit.")
 
     def __init__(self, **node_options: Any) -> None:
@@ -355,7 +355,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             dip=request.dip,
             declination=request.declination,
             convergence=request.convergence,
-            gravity=or_none(request.gravity) or None,  # 0: a client left it out
+            gravity=or_none(request.gravity) or None,  # 0: the client gave no gravity
             source=request.source,
         )
         self._pipeline.set_reference(reference)
@@ -532,7 +532,7 @@ def published_rows(stamps: Stamps, last_ns: int) -> Indices:
     """
     Return the indices of the samples whose estimates are published: at least `MIN_SPACING_NS` apart.
 
-    stamps: stamps of the samples, ns, shape (n,); last_ns: stamp of the last published estimate, ns. If time goes back
+    stamps: stamps of the samples, ns, shape (n,); last_ns: stamp of the last published estimate. If time goes back
     by at least this spacing, the next estimate is published.
     """
     far = np.abs(np.diff(stamps)) >= MIN_SPACING_NS

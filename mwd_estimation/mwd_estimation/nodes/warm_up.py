@@ -43,7 +43,7 @@ def warm_up(settings: EstimatorSettings) -> None:
     pipeline.finish()
     forces, rates = imu["linear_acceleration"], imu["angular_velocity"]
     north_seek.run(SeekParams(), north_seek.initial(), imu["stamp_ns"], rates, forces)
-    seek_measurement.frame(forces[-1])  # for the solution of a tool that turns
+    seek_measurement.frame(forces[-1])  # compile a function that only the solution of a rotating tool calls
 
 
 def _samples() -> tuple[Samples, Samples, Samples]:

@@ -87,7 +87,7 @@ class Estimate:
 
     reference : reference that replaces the reference of the settings, or None.
     mat_tu : rotation from the axes of the unit to tool axes; the samples are in tool axes already.
-    mag_late_ns : initial delay of the magnetometer's stamps, ns; rotation of the string corrects it later.
+    mag_late_ns : initial delay of the magnetometer's stamps; rotation of the string corrects it later.
     """
 
     def __init__(
@@ -394,7 +394,7 @@ _SLACK_NS = 1_000_000  # tolerance for the end of a survey, ns: more than its ro
 
 
 class StatusHistory:
-    """History of the attitude status, which does not depend on how the stream is cut; bin_ns: length of a bin, ns."""
+    """History of the attitude status, which does not depend on how the stream is cut; bin_ns: length of a bin."""
 
     def __init__(self, bin_ns: int) -> None:
         self._bin_ns = bin_ns
@@ -409,7 +409,7 @@ class StatusHistory:
         its bin, ns. An event is one bin late, so the row before it is the last one of the next bin.
         """
         for place, end_ns in bins:
-            # The status of the last row of the next bin.
+            # Row `place` - 1 is the last row of the bin after the bin of the event.
             self._kept.append((end_ns + self._bin_ns, int(status[place - 1]) if place else self._last))
         if len(status):
             self._last = int(status[-1])

@@ -48,7 +48,7 @@ class ObservatoryRecord:
         """
         Return the difference of the field from the quiet level at a time: north, east, down, T, shape (3,).
 
-        stamp_ns: UTC, ns. Returns None in a gap or outside the record.
+        stamp_ns: UTC. Returns None in a gap or outside the record.
         """
         after = int(np.searchsorted(self.stamps_ns, stamp_ns))
         if after < len(self.stamps_ns) and self.stamps_ns[after] == stamp_ns:
@@ -181,7 +181,7 @@ def quiet_level(stamps_ns: Stamps, field_n: Array) -> Array:
     Parameters
     ----------
     stamps_ns : ndarray, shape (n,)
-        Stamps, ns, increasing.
+        Stamps, increasing.
     field_n : ndarray, shape (n, 3)
         Field, T.
 

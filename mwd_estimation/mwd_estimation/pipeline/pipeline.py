@@ -367,7 +367,7 @@ class NoiseOnset:
     Noise that covariances state for the conventional unit and the magnetometer, and the samples for a restart.
 
     known: noise of each vector that is used from the first sample on; mag_delay_ns: time after its stamp at which a
-    magnetic sample has arrived, ns.
+    magnetic sample has arrived.
     """
 
     def __init__(self, known: Mapping[str, StatedNoise], mag_delay_ns: int) -> None:

@@ -37,7 +37,7 @@ class Requests:
         """
         Start a north seek.
 
-        duration_s: duration, s, 0 for the default; mode: see `NorthSession`.
+        duration_s: duration, 0 for the default; mode: see `NorthSession`.
 
         Raises
         ------

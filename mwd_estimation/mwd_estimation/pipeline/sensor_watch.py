@@ -121,7 +121,7 @@ class SensorWatch:
         """
         Subtract `late_ns`, ns, from the stamps of waiting magnetic samples.
 
-        wait_ns : time added to the waiting time for magnetic samples, ns.
+        wait_ns : time added to the waiting time for magnetic samples.
         """
         monitor.shift_mag(self._state, late_ns)
         self._params = self._params._replace(mag_lag_ns=self._mag_lag_ns + wait_ns)

@@ -259,7 +259,7 @@ def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
     """
     Return the reference of the place, with the sigmas of the tool code if one is set; None if no field is set.
 
-    first_ns : stamp of the first sample, ns, from which the date follows if no date is set.
+    first_ns : stamp of the first sample, from which the date follows if no date is set.
 
     Raises
     ------

@@ -120,7 +120,7 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
     """
     Return the reference field and gravity of a place; None if `place.field` is none.
 
-    first_ns : stamp of the first sample, ns, from which the date follows if no date is set.
+    first_ns : stamp of the first sample, from which the date follows if no date is set.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def _check_with_place(place: Place, first_ns: int) -> None:
     """
     Refuse a fixed field that is impossible at the position, for example because of a wrong sign or unit of measurement.
 
-    first_ns: stamp of the first sample, ns, which gives the date. Without a latitude or a dip nothing is checked;
+    first_ns: stamp of the first sample, which gives the date. Without a latitude or a dip nothing is checked;
     without a longitude only the sign of the dip. A wrong declination makes surveys wrong by the same angle, and no
     measurement in the hole shows the error.
 
@@ -227,7 +227,7 @@ def _slips_of_figures(total: float, dip_deg: float) -> tuple[Slip, ...]:
 
 
 def _slips_of_place(place: Place, first_ns: int) -> tuple[Slip, ...]:
-    """Return the fields at positions and dates that a user may have meant; first_ns: stamp of the first sample, ns."""
+    """Return the fields at positions and dates that a user may have meant; first_ns: stamp of the first sample."""
     lat, lon = place.lat_deg or 0.0, place.lon_deg or 0.0
     places: dict[str, dict[str, Any]] = {
         f"latitude {-lat:g} instead of {lat:g}": {"lat_deg": -lat},

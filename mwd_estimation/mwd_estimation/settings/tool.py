@@ -243,7 +243,7 @@ class Tool:
     accelerometer: Accelerometer = setting(Accelerometer, "Accelerometers of the conventional unit.")
     magnetometer: Magnetometer = setting(Magnetometer, "Magnetometer.")
     precision: PrecisionUnit = setting(PrecisionUnit, "The high-precision unit.")
-    mount: MountSettings = setting(MountSettings, "How the units are mounted in the tool.")
+    mount: MountSettings = setting(MountSettings, "Mounting of the units in the tool.")
     samples: str = setting(
         "integrated",
         "Meaning of a sample of the conventional unit: integrated (strapdown-integrated over its interval), means "

@@ -30,7 +30,7 @@ class DecidedSurvey:
 
     average: StillAverage  #: mean readings
     sequence: int  #: number of the survey, from 1
-    station: Station  #: angles, totals, verdict with typed reasons; its azimuth is the fused one
+    station: Station  #: angles, totals, verdict with typed reasons; its azimuth is fused from all methods
     #: Share of each method in the azimuth of the station, 0 to 1.
     weights: Mapping[str, float] = dataclasses.field(default_factory=dict)
     kind: int = STATIC  #: STATIC, or ROTARY: taken while the string turned

@@ -86,7 +86,7 @@ class FaultHistory:
         """
         Return whether the changes contain a fault due to which the azimuth has used wrong gravity, field or rates.
 
-        fed_ns : stamp from which the field was used, ns.
+        fed_ns : stamp from which the field was used.
         """
         return any(
             not one.cleared_ns
@@ -128,7 +128,7 @@ class FaultHistory:
         """
         Return the evidence so far against the sensors that a survey uses; None if there is none.
 
-        evidence_ns: time after the end of the survey, ns; doubts that begin in this time are used too.
+        evidence_ns: time after the end of the survey; doubts that begin in this time are used too.
         """
         rests_on, begin, end = _rests_on(survey), survey.average.start_ns, survey.end_ns
         by_gyro = rests_on == ACCEL

@@ -71,7 +71,7 @@ class Finding:
     by_gyro: float = 0.0  #: share of the gyro in the information on the azimuth, 0 to 1
     #: Probability that the gyro is wrong at this station although earlier stations did not show this.
     gyro_wrong: float = 0.0
-    of_gyro: GyroParts | None = None  #: parts of the density; None if there is no gyro azimuth at this station
+    of_gyro: GyroParts | None = None  #: densities for a right and a doubted gyro; None without a gyro azimuth
     gyro_agreed: bool = False  #: whether a gyro agreed with the magnetometer at an earlier station of the run
     #: Difference of this azimuth from a propagated azimuth that contradicts it, rad, and in sigmas; None: no
     #: contradiction.

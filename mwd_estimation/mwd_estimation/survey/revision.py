@@ -70,7 +70,11 @@ def with_last_readings(taken: Sequence[Taken]) -> list[Taken]:
 
 
 def _in_any_order(taken: Sequence[Taken], settings: StationSettings) -> list[Taken]:
-    """Return the stations with hazard and gyro age filled in, so that a model can process them in any order."""
+    """
+    Return the stations with the cumulative hazard of string changes and the gyro age filled in.
+
+    A model can then process the stations in any order.
+    """
     hours = [one.hours for one in taken]
     steps = [hypotheses.hazard(settings.priors, now - then) for then, now in itertools.pairwise(hours)]
     hazards = list(itertools.accumulate([0.0, *steps]))[: len(taken)]

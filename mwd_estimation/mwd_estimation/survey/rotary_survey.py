@@ -43,7 +43,7 @@ class RotarySurvey:
     Parameters
     ----------
     duration_s : float
-        Averaging time, s.
+        Averaging time.
 
     Raises
     ------

@@ -107,8 +107,8 @@ class RunModel:
         self._told: dict[str, Across] = {}
         # Time of the last station, h, and cumulative hazard of a change of the string up to it.
         self._reached = math.nan, 0.0
-        # Time at which the last station (or its seek) began, h, and time since the first seek then, h; None before the
-        # first seek.
+        # Time at which the last station (or its seek) began, h, and time from the first seek to this time, h; None
+        # before the first seek.
         self._aged: tuple[float, float] | None = None
 
     def copy(self) -> RunModel:
@@ -288,7 +288,7 @@ class RunModel:
 
     def _lay_before(self, one: Row) -> int | None:
         """
-        Return the index in `_lay` of the last station at which the tool lay as at the station `one`; None if unknown.
+        Return the index in `_lay` of the last station with the same attitude as `one`; None without such a station.
 
         The directions of force and field at the two stations differ by less than `_STAYED`.
         """

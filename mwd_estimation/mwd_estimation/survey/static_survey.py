@@ -35,7 +35,7 @@ MAX_FIELD_STEP, MAX_FIELD_NOISE, _FIELD_SIGMAS = MAX_RATE * _BIN_S * 20e-6, 2e-6
 class StillAverage:
     """Mean readings of the sensors while the tool kept still."""
 
-    #: `start_ns`, `end_ns`: start and end of the averaging interval, ns.
+    #: `start_ns`, `end_ns`: start and end of the averaging interval.
     start_ns: int
     end_ns: int
     imu: Average  #: conventional unit; channels: rate x y z, rad/s, specific force x y z, m/s^2
@@ -86,7 +86,7 @@ class StillSurvey:
 
     def request(self, duration_s: float = 0.0) -> None:
         """
-        Request a survey that starts with the next bin; duration_s: averaging time, s, 0 for the time of the settings.
+        Request a survey that starts with the next bin; duration_s: averaging time, 0 for the time of the settings.
 
         Raises
         ------

@@ -72,7 +72,7 @@ class Station:
     azimuth: float = math.nan
     sigma_azimuth: float = math.nan
     north: str = "magnetic"  #: magnetic, true or grid
-    north_correction: float = 0.0  #: added to the magnetic azimuth, rad
+    north_correction: float = 0.0  #: angle added to the magnetic azimuth, rad
     method: AzimuthMethod = AzimuthMethod.NONE  #: method of the azimuth
     corrected: bool = False  #: whether the field of the string that the run found was removed from the azimuth
     azimuths: tuple[MethodAzimuth, ...] = ()  #: azimuths of all methods
@@ -91,7 +91,7 @@ class Station:
     limits: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     verdict: str = REJECT  #: accept, doubtful or reject
     quantities: Verdicts | None = None  #: verdict of each quantity; None: all have the verdict of the station
-    reasons: tuple[Reason, ...] = ()  #: reasons of the verdict; for an accepted station, totals within their limits
+    reasons: tuple[Reason, ...] = ()  #: reasons of the verdict; those of an accepted station list the totals
     #: Other azimuths that fit the readings, from the named north, rad, and their probabilities.
     alternatives: tuple[tuple[float, float], ...] = ()
     #: Names of the possible disturbances and their probabilities; empty if they were not computed.

@@ -69,11 +69,12 @@ class Turning:
 @dataclasses.dataclass
 class _Triad:
     """
-    Sums over the windows of one triad (three accelerometers or three magnetometers).
+    Sums, over the fitted windows, of the readings of one triad (three accelerometers or three magnetometers).
 
-    `weight`, `axis`: weight, and weighted direction of the axis of rotation; `across`, `along`: mean vector across the
-    tool and mean along the axis; `noise`: variance of an amplitude; `rate2`: squared mean rate, (rad/s)^2. Units are
-    those of the sensor, squared for weight, axis and noise.
+    `windows`: number of windows; `weight`: squared amplitude of the rotating vector; `axis`: tilt of the axis of
+    rotation, y + i z, times this squared amplitude; `across`, `along`: constant part of y + i z, and of x; `noise`:
+    variance of an amplitude; `rate2`: squared mean rate, (rad/s)^2. Units are those of the sensor, squared for weight,
+    axis and noise.
     """
 
     windows: int = 0

@@ -144,7 +144,7 @@ def _against_limits(station: Station, readings: StationReadings, settings: Stati
 
 
 def _widened(station: Station, found: Circle) -> Station:
-    """Return the station with the sigma of the whole mode: a doubtful azimuth may be in the improbable part of it."""
+    """Return a doubtful station with the standard deviation of the whole main mode as the sigma of its azimuth."""
     covariance = station.covariance.copy()
     covariance[1, 1] = min(math.hypot(found.spread, math.sqrt(float(station.alignment[1, 1]))), math.pi) ** 2
     return replace(station, covariance=covariance, sigma_azimuth=math.sqrt(covariance[1, 1]))

@@ -323,7 +323,7 @@ def utm_zone(lat: float, lon: float) -> str:
     if 56.0 <= lat_deg < 64.0 and 3.0 <= lon_deg < 12.0:
         zone = 32
     elif 72.0 <= lat_deg <= 84.0 and 0.0 <= lon_deg < 42.0:
-        # Zones 32, 34 and 36 do not exist there; their neighbours meet at 9, 21 and 33 deg.
+        # Around Svalbard the zones 32, 34 and 36 do not exist; zones 31, 33, 35 and 37 meet at 9, 21 and 33 deg.
         zone = next(z for z, end in ((31, 9.0), (33, 21.0), (35, 33.0), (37, 42.0)) if lon_deg < end)
     return f"EPSG:{32600 + zone if lat >= 0.0 else 32700 + zone}"
 

@@ -42,7 +42,7 @@ def encode(stamp_ns: int, period_s: float, values: NDArray[Any], frame_id: str =
     stamp_ns : int
         Stamp of the first sample, ns since 1970.
     period_s : float
-        Time from one sample to the next, s.
+        Time from one sample to the next.
     values : ndarray, shape (n,)
         Samples in Pa or V; with type uint8, bytes of a serial line.
 

@@ -57,7 +57,7 @@ class StatedNoise:
     sigma : float
         1 sigma of a sample on its noisiest axis, rad/s, m/s^2 or T; 0 if no noise is stated.
     period_s : float
-        Time between samples, s.
+        Time between samples.
     """
 
     sigma: float = 0.0

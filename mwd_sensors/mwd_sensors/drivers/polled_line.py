@@ -227,7 +227,8 @@ def check(data: bytes, frame: PolledFrame) -> bytes:
     # Import the package only here, so that its absence stops the polled lines and nothing else.
     from pymodbus.framer import FramerRTU
 
-    number: int = FramerRTU.compute_CRC(data)  # has its two bytes swapped: big endian writes the low byte first
+    # The two bytes of this number are swapped, so big endian writes the low byte first.
+    number: int = FramerRTU.compute_CRC(data)
     return number.to_bytes(_CHECK_BYTES, "big" if frame.check_order == "low_first" else "little")
 
 

@@ -49,7 +49,7 @@ class UnitSample:
     topic : str
         Topic, a key of `LAYOUTS`.
     stamp_ns : int
-        Time by the clock of the unit, ns.
+        Time by the clock of the unit.
     values : tuple of float
         Values of the fields in `FIELDS`, in order, SI.
     status : int

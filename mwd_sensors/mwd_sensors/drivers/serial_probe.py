@@ -24,7 +24,7 @@ from mwd_sensors.drivers.readings import CLIP_WORDS, FAULT, UnitAnswer, UnitSamp
 _RETRY_S = 1.0  # time between two attempts to open the line
 # Time between two requests for the time of the unit, s: usually, and while the offset of its clock is not known.
 _EXCHANGE_S, _FIRST_S = 1.0, 0.1
-_END_OF_TIME_NS = 2**31 * 10**9  # end of the range of message stamps
+_END_OF_TIME_NS = 2**31 * 10**9  # smallest stamp, ns, that does not fit into a message
 
 
 @dataclasses.dataclass(frozen=True)
@@ -335,7 +335,7 @@ class UnitClock:
     Attributes
     ----------
     offset_ns : int
-        Offset in force, ns; 0 before it is known.
+        Offset in force; 0 before it is known.
     jumps : int
         Number of times that the offset changed at once; -1 before it is known.
     """

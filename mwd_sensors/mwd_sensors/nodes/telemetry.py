@@ -81,7 +81,7 @@ class TelemetryTopics:
         """
         Publish the signals that remain at the end of a scenario; return whether they have been published.
 
-        since_s: wall time since the end, s. The signals are published from `_WALL_S` after the end; the result is True
+        since_s: wall time since the end. The signals are published from `_WALL_S` after the end; the result is True
         from twice that time on.
         """
         sonde = self._sonde

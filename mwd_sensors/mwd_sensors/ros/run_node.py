@@ -92,7 +92,7 @@ def _spin(make_nodes: Sequence[Callable[[], GraphNode[Any]]]) -> int:
         signals.started()
         while not stop_requested.done():
             executor.spin_until_future_complete(stop_requested, _LONGEST_SPIN)
-        # If a node cannot do its work, this raises the reason.
+        # If a node could not do its work, `result` raises the error that the node has set.
         stop_requested.result()
     except SettingsError as error:
         sys.stderr.write(f"{printable(str(error))}\n")

@@ -94,7 +94,7 @@ class BatteryModel:
         active : ndarray of bool, shape (n,)
             Whether the pumps are on.
         step_s : float
-            Length of a step, s.
+            Length of a step.
 
         Returns
         -------

@@ -80,7 +80,7 @@ class CoilVoltage:
     seed : int
         Seed of all noise.
     block_s : float
-        Length of a block, s. A different length gives a different draw of the noise.
+        Length of a block. A different length gives a different draw of the noise.
     """
 
     def __init__(

@@ -84,7 +84,7 @@ def propagation(ground: Ground, resistivity: float, frequency_hz: Array) -> tupl
     resistivity : float
         Resistivity of the ground, ohm m.
     frequency_hz : ndarray, shape (n,)
-        Frequencies, Hz, above 0.
+        Frequencies, above 0.
 
     Returns
     -------

@@ -206,7 +206,7 @@ class GammaDetector:
 def _sensitivity(angle: Array, leak: float) -> Array:
     """Return the detector's sensitivity to rays at an angle from the window, rad; its mean over the circle is 1."""
     lobe = (0.5 + 0.5 * np.cos(angle)) ** 2
-    # The mean of the lobe over the circle is 3/8.
+    # The mean of `lobe` over all angles is 3/8.
     return np.asarray((leak + (1.0 - leak) * lobe) / (leak + (1.0 - leak) * 0.375))
 
 

@@ -39,7 +39,7 @@ class Triad(NamedTuple):
     instability, walk : float
         Steady 1 sigma of the first-order Markov bias; growth of the random walk per sqrt(s).
     instability_s : float
-        Correlation time of the Markov bias, s.
+        Correlation time of the Markov bias.
     limit : ndarray, shape (3,)
         Largest reading; larger values are clipped.
     step : float

@@ -34,13 +34,13 @@ class OnAir(NamedTuple):
     link : str
         Name of the link: mud_pulse, em, coil or serial.
     start_s : float
-        Simulation time of the start, s.
+        Simulation time of the start.
     edges_s, phases, octets : tuple of float, tuple of float, bytes
         Content as in `telemetry.on_air.GroupSignal`; only the field that belongs to the link is filled.
     width_s : float
-        Duration of a pulse or symbol, s.
+        Duration of a pulse or symbol.
     frequency_hz : float
-        Carrier frequency, Hz.
+        Carrier frequency.
     """
 
     link: str
@@ -69,7 +69,7 @@ class Heard(NamedTuple):
     Attributes
     ----------
     start_s, period_s : float
-        Simulation time of the first sample, s, and time between samples, s.
+        Simulation time of the first sample, and time between samples.
     values : ndarray, shape (n,)
         Samples in Pa or V, or bytes of type uint8.
     strokes : list of (int, float)

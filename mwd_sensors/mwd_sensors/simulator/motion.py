@@ -139,7 +139,7 @@ class SimulatedMotion:
         """
         Return position, m, north, east, down, and direction of the tool axis, each of shape (3,).
 
-        at_s: time, s, rounded to milliseconds.
+        at_s: time, rounded to milliseconds.
         """
         there = self.at(round(1000.0 * at_s), 1, 1000.0)  # `at` counts instants, here in milliseconds
         return there.position_n[0], there.mat_nt[0, :, 0]

@@ -52,7 +52,7 @@ class PumpStream:
     random : numpy Generator
         Random numbers for phase and stroke rate.
     rate_hz : float
-        Sample rate, Hz.
+        Sample rate.
     """
 
     def __init__(self, pump: Pump, flow: float, random: np.random.Generator, rate_hz: float) -> None:
@@ -158,7 +158,7 @@ class Pressure:
     flow : callable, optional
         Replaces `flow_off_s`: flow as a share of its full value, shape (n,), at times after the start, s, shape (n,).
     block_s : float
-        Length of a block, s. A different length gives a different draw of the stalls.
+        Length of a block. A different length gives a different draw of the stalls.
     """
 
     def __init__(

@@ -107,7 +107,7 @@ def responses(well: WellGeometry, frequency_hz: Array) -> tuple[Complex, Complex
     Parameters
     ----------
     frequency_hz : ndarray, shape (n,)
-        Frequencies, Hz, above 0.
+        Frequencies, above 0.
 
     Returns
     -------

@@ -46,7 +46,7 @@ class LinkRun:
     Simulated transmission through mud, with the standpipe pressure.
 
     time_s and pressure_pa, shape (n,): times, s, and standpipe pressure, Pa. strokes_s: times of the counted strokes
-    of each pump, s. sent: the transmission.
+    of each pump. sent: the transmission.
     """
 
     time_s: Array

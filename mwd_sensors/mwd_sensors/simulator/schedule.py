@@ -217,7 +217,7 @@ def timeline(
     phases, rig
         Phases of the schedule and properties of the rig.
     bit_m : float
-        Measured depth of the bit at time zero, m.
+        Measured depth of the bit at time zero.
     whirl : tuple of ((float, float), (float, float))
         Shortest and longest burst, and shortest and longest pause, of each whirl, s; only the first whirl is used.
     rng : Generator

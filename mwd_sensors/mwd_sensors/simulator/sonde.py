@@ -61,7 +61,7 @@ class Sonde:
     scenario : Scenario
         Settings of the simulation.
     epoch_ns : int, optional
-        Stamp of time zero, ns; the default is the date of the scenario.
+        Stamp of time zero; the default is the date of the scenario.
     starts_before : int
         Number of earlier starts of this tool. Each start has the same tool errors and motion, but other noise.
 
@@ -535,7 +535,7 @@ class CommandedFlow:
     full : float
         Drilling flow, m^3/s, at which the commanded share is 1.
     ramp_s : float
-        Time from no flow to the drilling flow, s.
+        Time from no flow to the drilling flow.
     """
 
     def __init__(self, scheduled: Callable[[Array], Array], full: float, ramp_s: float) -> None:

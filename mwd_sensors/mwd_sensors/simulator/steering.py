@@ -224,7 +224,7 @@ class String:
             decay=steering.decay_rpm * _RPM,
             fastest=steering.orient_rpm * _RPM,
             ramp=steering.ramp_rpm_s * _RPM,
-            # Limited by the damping, so that spring and damping torque together stay below the limit.
+            # Limit the speed of unwinding, so that spring and damping torque together stay below the torque limit.
             yields=min(_YIELD, steering.stiffness_nm_rad / max(steering.damping_nms, 1e-9)),
         )
         # A simulation that starts with rotation starts with a wound-up string.

@@ -138,7 +138,7 @@ def _stick_slip(item: StickSlip) -> list[tuple[int, int, float, float, float]]:
     omega = 2.0 * math.pi * item.frequency_hz
     harmonics = ((1, -4.0 / 3.0), (2, 1.0 / 3.0)) if item.sticky else ((1, -1.0),)
     envelope = ENVELOPES.index("stick_slip")
-    # The angle is the integral: cos(w t) -> sin(w t) / w = cos(w t - pi/2) / w.
+    # The angle is the integral of the rate: cos(w t) becomes sin(w t) / w = cos(w t - pi/2) / w.
     return [
         (envelope, 5, n * item.frequency_hz, -0.5 * math.pi, item.depth * weight / (n * omega))
         for n, weight in harmonics

@@ -34,7 +34,7 @@ class GroupSignal(NamedTuple):
     Attributes
     ----------
     duration_s, period_s : float
-        Duration of the signal, and shortest time from its start to the start of the next signal, s.
+        Duration of the signal, and shortest time from its start to the start of the next signal.
     edges_s : tuple of float
         For pulses: start of each pulse relative to the start of the signal, s.
     phases : tuple of float

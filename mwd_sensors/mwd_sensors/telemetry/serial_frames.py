@@ -25,7 +25,7 @@ END = 0  # byte that ends a frame; COBS data contains no other zero byte
 _PATTERN = 0b0101  # low half of the first byte
 _HEADER_BYTES = 3
 _LONGEST = 254  # largest number of bytes of one COBS block
-BITS_PER_BYTE = 10  # start, 8 data, stop
+BITS_PER_BYTE = 10  # start bit, 8 data bits, stop bit
 
 
 @dataclasses.dataclass(frozen=True)

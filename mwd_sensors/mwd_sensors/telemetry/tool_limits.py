@@ -142,11 +142,11 @@ EXPOSURES = {
 class ToolLimits:
     """Limits and parts of a tool."""
 
-    battery: BatteryLimits | None = setting(None, "The battery; none: assumed figures of a usual kit.")
+    battery: BatteryLimits | None = setting(None, "The battery. If not given, typical values are assumed.")
     exposures: dict[str, ExposureLimit] = setting(
         {},
         "Time that the tool withstands each level, by quantity: temperature (degC), lateral_vibration, axial_vibration "
-        "and shock_peak (m/s^2) or any other source of a log channel. Without any, assumed figures of a usual kit.",
+        "and shock_peak (m/s^2) or any other source of a log channel. If none is given, typical values are assumed.",
     )
     parts: dict[str, ToolPart] = setting({}, "Parts by name, with serial number and calibration.")
 

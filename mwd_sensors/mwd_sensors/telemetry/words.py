@@ -128,7 +128,7 @@ class Word:
         rate : float
             1 sigma of the rate of change of the value, unit / s.
         age_s : float
-            Time since the measurement, s.
+            Time since the measurement.
         """
         return math.sqrt(self.sigma**2 + self.step(bits) ** 2 / 12.0 + (rate * age_s) ** 2)
 

@@ -161,7 +161,7 @@ class Bag:
         topics : sequence of str, optional
             Names of topics, as in the attribute `topics`; by default all.
         start_ns, end_ns : int, optional
-            Log time from (inclusive) and to (exclusive), ns.
+            Log time from (inclusive) and to (exclusive).
         block_messages : int
             Approximate number of messages per block, of all topics together.
         fields : mapping of str to tuple of str, optional

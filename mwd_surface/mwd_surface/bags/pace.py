@@ -18,9 +18,9 @@ class Pace:
     Parameters
     ----------
     log_ns : int
-        Log time at which the replay begins, ns.
+        Log time at which the replay begins.
     now_s : float
-        Reading of the monotonic clock when the replay begins, s.
+        Reading of the monotonic clock when the replay begins.
     rate : float
         Seconds of the recording per second of wall time; infinity: as fast as possible.
 
@@ -70,17 +70,17 @@ class Pace:
         self._rate = rate
 
     def pause(self, now_s: float) -> None:
-        """Pause the replay at the log time that the replay has reached; now_s: monotonic clock, s."""
+        """Pause the replay at the log time that the replay has reached; now_s: monotonic clock."""
         self.seek(self.position_ns(now_s), now_s)
         self._paused = True
 
     def resume(self, now_s: float) -> None:
-        """Continue from the log time at which the replay was paused; now_s: monotonic clock, s."""
+        """Continue from the log time at which the replay was paused; now_s: monotonic clock."""
         self._paused = False
         self._now_s = now_s
 
     def seek(self, log_ns: int, now_s: float) -> None:
-        """Continue from another log time, ns; a paused replay stays paused. now_s: monotonic clock, s."""
+        """Continue from another log time, ns; a paused replay stays paused. now_s: monotonic clock."""
         self._log_ns, self._now_s = log_ns, now_s
 
 

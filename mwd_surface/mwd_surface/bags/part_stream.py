@@ -49,7 +49,7 @@ class PartStream:
         """
         Yield, in groups, the result of `made` for each part with messages of the given topics and log times.
 
-        start_ns, end_ns : log time from (inclusive) and to (exclusive), ns. No message of a group was logged later than
+        start_ns, end_ns : log time from (inclusive) and to (exclusive). No message of a group was logged later than
         any message of the next group.
         """
         start, end = start_ns or 0, NEVER if end_ns is None else end_ns

@@ -169,7 +169,8 @@ class _Database:
             rows = self._rows(begin, begin + _STEP - 1)
             barren = 0 if rows else barren + 1
             if not rows:
-                # Rows of an empty range are not counted as lost: the range may never have had any rows.
+                # If no row in this range of row numbers can be read, none is counted as lost: the range may never have
+                # had any rows.
                 self.lost = before
             for topic, log_ns, data in rows:
                 if topic in self.topics and isinstance(log_ns, int) and log_ns >= 0 and isinstance(data, bytes):

@@ -72,7 +72,9 @@ def compare(
     if output is not None and output.suffix.lower() != ".png":
         raise ValueError(f"--output {output}: the plot must be .png")
     if run_b is None and not golden.is_golden(run_a):
-        raise ValueError(f"{run_a} is not the folder of a golden recording; name the results to compare with as well")
+        raise ValueError(
+            f"{run_a} is not a golden recording (bag/ and limits.yaml); give the results to compare with as well"
+        )
     if not run_folder.is_run(expected):
         raise ValueError(f"{expected} holds no results to compare with; `mwd process {expected} -o DIR` makes them")
     with golden.processed(ours, expected) as run:

@@ -207,9 +207,11 @@ def _show(final: FinalList, distance: float, md: float, key: Path | None) -> Non
         *(
             (
                 "overlap",
-                f"{one.from_m:.1f} to {one.to_m:.1f} m: {one.used} is used, 1 sigma {one.sigma_used:.2f} m; "
-                f"{one.left_out} has {one.sigma_left_out:.2f} m"
-                + (f"; the two differ by more than their errors at {len(one.apart)} depths" if one.apart else ""),
+                (
+                    f"{one.from_m:.1f} to {one.to_m:.1f} m: {one.used} is used, 1 sigma {one.sigma_used:.2f} m; "
+                    f"{one.left_out} has {one.sigma_left_out:.2f} m; the two differ by more than their errors at "
+                    f"{len(one.apart)} depths"
+                ),
             )
             for one in final.overlaps
         ),

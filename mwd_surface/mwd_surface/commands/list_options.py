@@ -21,7 +21,7 @@ def _option(words: str, *names: str, **more: Any) -> Any:
     return Annotated[str | None, typer.Option(*names, help=words, rich_help_panel="List", **more)]
 
 
-# By name of the field of `ListSettings`.
+# Command-line options for the fields of `ListSettings`, by field name.
 _OPTIONS: dict[str, Any] = {
     "columns": _option(
         "Columns of the list by quantity, if not recognised, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI."

@@ -135,7 +135,7 @@ class Bench:
     person : Person or None
         Person at the rig; None: nobody can grant or take back control, so cases that need a person are skipped.
     heartbeat_s : float
-        Time after which the authority ends the lease of a silent controller, s.
+        Time after which the authority ends the lease of a silent controller.
     """
 
     def __init__(self, interface: Interface, person: Person | None, heartbeat_s: float) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from mwd_surface.conformance.bench import Bench, CaseError, ControlAnswer, NotPossibleError, Point, View, Wish
 from mwd_surface.control.set_point import Mode
 
-_REQUEST, _COMMAND, _STATE = 110, 120, 38  # addresses of the blocks
+_REQUEST, _COMMAND, _STATE = 110, 120, 38  # first registers of the blocks
 _ASK, _RELEASE = 1, 2  # actions of a request
 _RPM, _DEGREE, _LITRE_PER_MINUTE = math.pi / 30.0, math.pi / 180.0, 1e-3 / 60.0
 _LAG_S = 0.5  # wait for an update of the registers, s; longer than their period of 0.1 s

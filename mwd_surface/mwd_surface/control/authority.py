@@ -159,7 +159,7 @@ class ControlAuthority:
             text = "a lease can only be prolonged as it was granted; to get more, give it back and ask again"
             return ControlDecision(Permission.DENIED, 0, f"{', '.join(beyond)}: more than was granted: {text}")
         owner.heard, owner.ends = now, max(owner.ends, self._end(request, now))
-        return ControlDecision(Permission.GRANTED, owner.number, "renewed, within what was granted")
+        return ControlDecision(Permission.GRANTED, owner.number, "renewed within the limits of the lease")
 
     def _decide(self, request: ControlRequest, limits: LeaseLimits, now: float) -> ControlDecision:
         owner, pending = self._lease, self._pending
@@ -412,7 +412,7 @@ class ControlAuthority:
             self._now, self._pending = now, None
             if self._lease is not None:
                 reaction = self._reactions[f"controller_lost_{'rotating' if self._rig.rotating else 'sliding'}"]
-                self._end_lease(f"the clock went back under {self._lease.name}", reaction)
+                self._end_lease(f"the clock went back while {self._lease.name} had control", reaction)
         self._now = now = max(self._now, now)
         pending = self._pending
         if pending is not None and now - pending.since > self.settings.pending_s:
@@ -430,7 +430,7 @@ class ControlAuthority:
             reaction = self._reactions[f"controller_lost_{'rotating' if self._rig.rotating else 'sliding'}"]
             self._end_lease(f"{owner.name} is silent for {now - owner.heard:.1f} s", reaction)
         elif now - self._torque_since >= _TORQUE_TIME:
-            self._end_lease(f"torque above {owner.limits.torque:.0f} N m under {owner.name}", Reaction.HOLD)
+            self._end_lease(f"torque above {owner.limits.torque:.0f} N m while {owner.name} had control", Reaction.HOLD)
         elif now >= owner.ends:
             self._end_lease(f"the lease of {owner.name} is over", Reaction.RELEASE)
 

@@ -27,13 +27,13 @@ class InterlockReadings(NamedTuple):
     Attributes
     ----------
     rig_age_s : float
-        Age of the rig's data, s.
+        Age of the rig's data.
     flow, rotary_speed, pressure : float or None
         Flow, m^3/s; speed of the top drive, rad/s; standpipe pressure, Pa.
     link_locked : bool
         Whether words arrive over the link.
     link_age_s : float
-        Age of the state of the link, s.
+        Age of the state of the link.
     no_control : str
         Reason why the rig does not accept set-points; empty if it accepts them.
     """

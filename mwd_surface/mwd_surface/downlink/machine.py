@@ -238,7 +238,7 @@ class Machine:
         """
         Process the readings of the rig; call this method at least once per second.
 
-        people_s: time on the clock by which the permission lapses, s; by default `now`. Give it if `now` is the time of
+        people_s: time on the clock by which the permission lapses; by default `now`. Give it if `now` is the time of
         a rig that is simulated faster than real time.
         """
         readings = possible(readings)
@@ -437,7 +437,7 @@ class DeviationWatch:
     margins : (float, float)
         Allowed deviation of the changed and of the unchanged quantity.
     lag_s : float
-        Longest delay with which the rig follows a set-point, s.
+        Longest delay with which the rig follows a set-point.
     """
 
     def __init__(self, base: float, other: float | None, margins: tuple[float, float], lag_s: float) -> None:

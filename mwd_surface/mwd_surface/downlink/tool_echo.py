@@ -45,7 +45,7 @@ class ToolEcho:
         self._sent[code] = answered_by
 
     def hear(self, code: int, now: float, answer_s: float) -> None:
-        """Process an echo; now: steady time, s; answer_s: longest time from a command to its echo, s."""
+        """Process an echo; now: steady time, s; answer_s: longest time from a command to its echo."""
         if code in self._sent:
             # Commands arrive in order, so the tool no longer repeats an earlier command.
             codes = list(self._sent)

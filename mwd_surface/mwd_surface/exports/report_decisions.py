@@ -87,7 +87,7 @@ def decisions(table: SurveyTable) -> Section | None:
     sheets = []
     if rows:
         columns = (("Survey", ""), ("UTC", ""), ("By", ""), ("Decision", ""), ("MD then", "m"), ("Why", ""))
-        sheets.append(sheet_of("Decisions; the last line of a survey is in force", columns, rows, marks))
+        sheets.append(sheet_of("Decisions; the last line of a survey applies", columns, rows, marks))
     if remarks:
         sheets.append(sheet_of("Flags and remarks", (("Survey", ""), ("Flags", ""), ("Remark", "")), remarks))
     return Section("Decisions", sheets=tuple(sheets)) if sheets else None

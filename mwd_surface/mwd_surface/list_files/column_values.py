@@ -107,7 +107,7 @@ class ColumnValues:
         mark = "," if "," in unclear[0] else "."
         other = "." if mark == "," else ","
         if column.quantity in ANGLES:
-            # Angles of a thousand degrees do not occur.
+            # The mark does not separate thousands, because an angle has less than a thousand degrees.
             return mark
         shown: set[str] = set()
         for found in self.of.values():

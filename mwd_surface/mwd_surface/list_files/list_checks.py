@@ -85,7 +85,7 @@ def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given:
         f" {severity:.0f} deg/30 m, which is implausible"
     )
     if sharp.size > 1:
-        text += f" (as in {sharp.size} intervals of the list)"
+        text += f"; {sharp.size} intervals of the list have such a dogleg"
     if "dogleg" in given.confirm:
         return (Remark(RemarkKind.CONFIRMED, f"{text}; confirmed", {"dogleg": float(severity)}),)
     raise ListFileError(f"{text}: check depths, units and angles, or confirm it with --confirm dogleg")

@@ -156,7 +156,7 @@ def read_head(lines: Iterable[str]) -> Head:
 
 
 def _tells_of_hole_angles(line: str) -> bool:
-    """Return whether a vertical angle in a line belongs to the hole, not to the magnetic field or to beds."""
+    """Return false if the line contains a dip of the magnetic field or of beds, else true."""
     parts = re.split(r"[;,|\t，；。、]", line)
     rest = ", ".join(part for part in parts if _A_DIP.search(part) or not _NAMES_OTHERS.search(part))
     other = _OTHER_DIP.search(rest)

@@ -123,7 +123,7 @@ def _is_sentence(row: Row, above: Row, depth: int) -> bool:
 
 
 def _roughly(cell: number_cells.Cell) -> float:
-    """Return the number in a cell, read with the decimal mark that the cell alone reveals; nan without a number."""
+    """Return the number in a cell, with the decimal mark inferred from this cell only; nan without a number."""
     found = number_cells.split(cell)
     try:
         return math.nan if found is None else number_cells.value(found[0], number_cells.decimal_mark(found[0]))

@@ -67,8 +67,8 @@ class ExpectedRows:
     """Expected values of the rows, shape (n,), rad; NaN if unknown."""
 
     dip: Array
-    inclination: Array  #: given in the table
-    azimuth: Array  #: given in the table, from magnetic north
+    inclination: Array  #: inclination in the table
+    azimuth: Array  #: azimuth in the table, converted to magnetic north
 
 
 def accelerometers(columns: tuple[str, str, str], f_t: Array, unit: float) -> Sensor:

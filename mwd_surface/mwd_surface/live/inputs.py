@@ -123,7 +123,7 @@ class InputClock:
         """
         Return the state of the input at `now`, s; only name and clock before the first data.
 
-        host_ns: the surface's time at `now`, ns. Data stamped by the surface itself have the offset 0.
+        host_ns: the surface's time at `now`. Data stamped by the surface itself have the offset 0.
         """
         if self._stamp_ns is None:
             return InputState(name, clock)

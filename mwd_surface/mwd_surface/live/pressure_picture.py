@@ -36,9 +36,9 @@ class PressurePicture:
     spectra : tuple of tuple of int
         Power, dB: one tuple of `BINS` values from 0 Hz on for each `STEP_S`, newest last.
     bin_hz : float
-        Width of a bin, Hz.
+        Width of a bin.
     line_hz : float
-        Rate of the values in `line`, Hz.
+        Rate of the values in `line`.
     """
 
     end_ns: int
@@ -62,7 +62,7 @@ class PressureHistory:
         """
         Accept a burst; return whether a new spectrum was computed.
 
-        start_ns: stamp of the first sample; period_s: time between two samples, s; pressure_pa: shape (n,), Pa. An
+        start_ns: stamp of the first sample; period_s: time between two samples; pressure_pa: shape (n,), Pa. An
         integer number of samples is averaged, so that the rate comes as near as possible to `RATE_HZ`. A burst that
         starts more than `STEP_S` before the end of the last one clears the history.
         """

@@ -132,9 +132,9 @@ class LinkSettings:
 
     source: str = setting(
         "direct",
-        "How attitude and surveys reach the surface. direct: the topics of the tool, as over a wire without limits "
+        "Source of attitude and surveys. direct: the topics of the tool, as over a wire without limits "
         "(simulation, bench). mud_pulse, em, coil, serial: only the topics link/... of one receiver. best: the "
-        "topics link/... of several receivers. With any other word than direct the surface subscribes to nothing "
-        "else of the tool.",
+        "topics link/... of several receivers. With any value except direct, the surface subscribes to no other topic "
+        "of the tool.",
         choices=("direct", "mud_pulse", "em", "coil", "serial", "best"),
     )

@@ -33,7 +33,7 @@ class SupervisionRow:
     limit : float
         Largest normal reading, in the unit of the reading.
     persistence_s : float
-        Time for which a reading must be above the limit to raise the alarm, and within it to clear the alarm, s.
+        Time for which a reading must be above the limit to raise the alarm, and within it to clear the alarm.
     remedy : str
         Advice to the user.
     action, degraded : str
@@ -140,13 +140,13 @@ TABLE = (
     SupervisionRow(
         "depth.sources",
         "rig data",
-        "the depth of another source is {value:.1f} m from the one in force",
+        "the depth of another source differs by {value:.1f} m from the depth in use",
         DISAGREEMENT,
         10.0,
         Severity.WARNING,
         "compare the two sources on the page (System, Inputs); correct one of them, or set the depth by hand",
         "the source of the highest priority is used, or the depth by hand",
-        "surveys get the depth in force",
+        "surveys get the depth in use",
     ),
     *(
         SupervisionRow(
@@ -209,7 +209,7 @@ TABLE = (
         3.0,
         Severity.WARNING,
         "use a faster disk, or record fewer topics",
-        "what does not fit is dropped, counted and recorded as an event",
+        "messages that do not fit into the queue are dropped, counted and recorded as an event",
         "everything continues; only a part of the recording is missing",
     ),
 )

@@ -225,7 +225,9 @@ class SurveyBook:
             f"survey.contradicted.{k}": (int(Severity.CRITICAL), text, remedy) for k, text in doubts.items() if text
         }
         self._alarm_log.set_alarms("survey.contradicted.", causes)
-        remedy = "steer by none of its values; act on the reason, take the survey again, then reject it in the list"
+        remedy = (
+            "do not steer by this survey; act on the reason, take another survey, then reject this survey in the list"
+        )
         causes = {
             f"survey.withdrawn.{r.survey.sequence}": (int(Severity.CRITICAL), withdrawal(r), remedy)
             for r in self.surveys.records
@@ -239,7 +241,7 @@ class SurveyBook:
         causes = {}
         if newest is not None and newest.azimuth_doubt and newest.judgement == Judgement.NOT_JUDGED:
             severity = Severity.CRITICAL if newest.survey.verdict_azimuth == Verdict.REJECT else Severity.WARNING
-            remedy = "act on the reason, or decide about it in the list"
+            remedy = "act on the reason, or accept or reject the survey in the list"
             causes = {"survey.azimuth": (int(severity), newest.azimuth_doubt, remedy)}
         self._alarm_log.set_alarms("survey.azimuth", causes)
 

@@ -70,7 +70,7 @@ class AttitudeState:
     status : Status
         Status of the last sample.
     stamp_ns : int or None
-        Stamp of the last sample, ns; None before the first sample.
+        Stamp of the last sample; None before the first sample.
     """
 
     inclination: LiveValue = NO_VALUE
@@ -110,9 +110,9 @@ class ToolfaceState:
     Attributes
     ----------
     stamp_ns : int or None
-        Stamp of the last sample, ns; None before the first sample.
+        Stamp of the last sample; None before the first sample.
     measured_ns : int or None
-        Stamp of the measurement, ns: the stamp of the last sample, or over a link the stamp at which the word was
+        Stamp of the measurement: the stamp of the last sample, or over a link the stamp at which the word was
         measured.
     readings : tuple of DialReading
         Toolfaces on the dial, oldest first.

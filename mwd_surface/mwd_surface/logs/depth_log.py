@@ -202,7 +202,7 @@ class _DepthBeforeJump(NamedTuple):
     """
     State before a jump of the depth that no string can make.
 
-    stamp_ns: time of the last bit depth, ns. bit_depth: this depth, m. bottom: bottom of the hole at this time, m.
+    stamp_ns: time of the last bit depth. bit_depth: this depth, m. bottom: bottom of the hole at this time, m.
     """
 
     stamp_ns: int
@@ -224,7 +224,7 @@ class DepthLog:
     sensor_to_bit : float
         Distance from the sonde to the bit, m, for samples without a sensor distance of their own.
     step_m : float
-        Depth step, m.
+        Depth step.
     history : int or None
         Number of bit depths that are kept, one per second; None keeps all. After the first depths were dropped, a late
         sample is placed as it arrives, and the other samples are not placed again.
@@ -551,7 +551,7 @@ def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[
     reference, other : Curve
         Curves with the same depth step.
     most_m : float
-        Largest shift that is tried, m.
+        Largest shift that is tried.
 
     Returns
     -------
@@ -617,8 +617,8 @@ _LIMITS: dict[str, Callable[[LogSample], bool]] = {
         and all(0.0 <= seconds <= _LONGEST_S for seconds in one.sector_durations)
     ),
     f"numbers of sectors differ, or are above {_MOST_SECTORS}": _even,
-    "value larger than any measurement": lambda one: all(map(_small, (one.value, *one.sectors))),
-    "sigma or counts negative or larger than any measurement": lambda one: all(
+    f"value above {_LARGEST:g}, which no sensor measures": lambda one: all(map(_small, (one.value, *one.sectors))),
+    f"sigma or counts negative, or above {_LARGEST:g}": lambda one: all(
         _within(number, 0.0, _LARGEST) for number in (one.sigma, one.counts, *one.sigma_sectors)
     ),
 }

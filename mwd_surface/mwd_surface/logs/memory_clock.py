@@ -26,7 +26,7 @@ _LEAST_S = 4.0  # shortest time with data before and after a change, s
 _FINE_S, _REACH_S = 0.02, 2.0  # step and largest correction of the refinement, s
 # Lowest correlation of a match, and smallest difference from the correlation of any other match.
 _LEAST_CORRELATION, _LEAST_LEAD = 0.85, 0.02
-_APART_S = 20.0  # an offset that differs by more from the best offset counts as another match, s
+_APART_S = 20.0  # smallest distance of another match from the best offset, s
 # Largest drift, s/s. Crystal clocks drift far less, so a larger drift means a wrong match.
 _MOST_DRIFT = 2e-4
 
@@ -43,9 +43,9 @@ class MemoryClock:
     Attributes
     ----------
     reference_ns : int
-        Run time at which `offset_s` holds, ns.
+        Run time at which `offset_s` holds.
     offset_s, sigma_offset_s : float
-        Memory minus run at that time, s, and 1 sigma.
+        Memory minus run at that time, and 1 sigma.
     drift, sigma_drift : float
         Growth of the offset, s/s, and 1 sigma; both NaN with fewer than three changes of the rotation, because the
         scatter of the offsets is then unknown.

@@ -134,7 +134,7 @@ class ToolHealth:
     Attributes
     ----------
     stamp_ns : int
-        End of the newest sample, ns; 0 before the first.
+        End of the newest sample; 0 before the first.
     run_time : float
         Run time of the electronics, s: from the tool's counter, else the time since the first sample without gaps of
         more than an hour; NaN before the first sample.
@@ -460,7 +460,7 @@ class _Silence:
     """
     Silences: times without a known state of the pumps.
 
-    seconds: total length, s. active_s: part of the total in which the pumps are assumed to be on, s. last: these two
+    seconds: total length, s. active_s: part of the total in which the pumps are assumed to be on. last: these two
     numbers of the last silence alone.
     """
 

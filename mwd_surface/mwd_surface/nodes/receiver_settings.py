@@ -35,5 +35,7 @@ class ReceiverSettings:
         "", "ISCWSA / OWSG tool code that gives the sigma of surveys if the tool sends none. Empty: an ordinary MWD."
     )
     place: Place = setting(Place, "The place of the well, its magnetic field and gravity, as in the estimator.")
-    verdict: QualitySettings = setting(QualitySettings, "When a survey of the link is accepted, as in the estimator.")
-    ages: AgeRules = setting(AgeRules, "How a received value ages: its sigma grows, and an old toolface is withheld.")
+    verdict: QualitySettings = setting(
+        QualitySettings, "Acceptance criteria of a survey of the link, as in the estimator."
+    )
+    ages: AgeRules = setting(AgeRules, "Ageing of received values: the sigma grows, and an old toolface is withheld.")

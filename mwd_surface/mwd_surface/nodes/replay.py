@@ -101,7 +101,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         """
         settings = self.settings
         if not settings.bag:
-            raise ValueError("bag: must be given: which recording to publish")
+            raise ValueError("bag: is empty; give the recording to publish")
         try:
             self._bag = Bag(settings.bag)
             self._from_ns = self._bag.start_ns + round(settings.start_s * 1e9)

@@ -53,9 +53,9 @@ class SurfaceSettings:
     tool_file: str = setting(
         "",
         "Tool configuration (tool.yaml) whose section `health` states battery, limits and parts of the tool. "
-        "Empty: figures of a usual kit, shown as assumed.",
+        "Empty: typical values are used and marked as assumed.",
     )
-    link: LinkSettings = setting(LinkSettings, "How the surface receives the tool.")
+    link: LinkSettings = setting(LinkSettings, "Reception of the tool's data at the surface.")
     well: Well = setting(Well, "The well.")
     plan: PlanSettings = setting(PlanSettings, "The planned well path.")
     advisory: AdvisorySettings = setting(AdvisorySettings, "The advice on steering.")
@@ -65,10 +65,12 @@ class SurfaceSettings:
     rods: RodSettings = setting(RodSettings, "Depth by counting rods.")
     rig_sources: SourceRules = setting(SourceRules, "Arbitration of several sources of rig data.")
     slides: SlideRules = setting(SlideRules, "The slide sheet.")
-    record: RecordSettings = setting(RecordSettings, "What is recorded.")
-    recorder: RecorderSettings = setting(RecorderSettings, "How recordings are written.")
+    record: RecordSettings = setting(RecordSettings, "Contents of the recording.")
+    recorder: RecorderSettings = setting(RecorderSettings, "Files and buffers of the recorder.")
     page: PageSettings = setting(PageSettings, "The live page.")
-    live: LiveSettings = setting(LiveSettings, "Values and limits of the page.")
+    live: LiveSettings = setting(
+        LiveSettings, "Expected message intervals, chart ranges and quality limits of the page."
+    )
     foxglove: FoxgloveSettings = setting(FoxgloveSettings, "Live server for Foxglove.")
     rig: RigSettings = setting(RigSettings, "Rig interfaces.")
     control: ControlSettings = setting(ControlSettings, "Control of top drive and pumps.")

@@ -35,7 +35,8 @@ class PageSettings:
     )
     language: str = setting(
         "en",
-        "Language of the page for browsers in which nobody has chosen one: en, zh_CN, or that of another catalogue.",
+        "Language of the page for browsers in which nobody has chosen one: en, zh_CN, or the code of another "
+        "catalogue.",
     )
     max_rate: float = setting(
         15.0,

@@ -110,7 +110,7 @@ class StateJson:
             table = plain(getattr(state, name))
             fresh = [one["state"] for one in table.values() if isinstance(one, dict) and "state" in one]
             count = self._counted if name == "streams" else state.change(name).count
-            # The advised toolface is drawn on the dial.
+            # The section of the toolface contains the advised toolface, so new advice changes this section too.
             self._revise(name, (count, fresh, state.change("advice").count if name == "toolface" else 0))
             yield name, table
 

@@ -65,7 +65,7 @@ class AllanOf:
     """
     Allan deviation of one vector of one topic over its longest still interval.
 
-    start_s: begin of the interval after the start of the plot, s; seconds: length of the interval, s.
+    start_s: begin of the interval after the start of the plot; seconds: length of the interval, s.
     """
 
     topic: str
@@ -413,7 +413,7 @@ class Spectrum:
     rate : float
         Sampling rate, Hz.
     start_ns, end_ns : int
-        Span that is divided into time bins, ns.
+        Span that is divided into time bins.
     segment : int
         Number of samples in a periodogram.
     bins : int
@@ -580,7 +580,7 @@ class Envelope:
     Parameters
     ----------
     start_ns, end_ns : int
-        Span, ns; samples outside are ignored.
+        Span; samples outside are ignored.
     circle : float
         If positive, the values are angles with this period. Each angle is changed by whole periods to the value nearest
         to the first value of its column, so that a line does not jump where the angle wraps.

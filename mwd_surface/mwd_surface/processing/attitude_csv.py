@@ -169,7 +169,7 @@ def _write(
     for i in range(len(stamps)):
         down, stamp = gravity[i], stamps[i]
         if stamp < 0:
-            buffer[at] = 45  # minus
+            buffer[at] = 45  # minus sign
             at += 1
             stamp = -stamp
         at = _whole(buffer, at, stamp)

@@ -75,7 +75,7 @@ class _Result:
     originals : list of MessagePart
         Messages of the bag.
     until_ns : int
-        No message logged up to this time, ns, will follow; None if no such time is known.
+        No message logged up to this time will follow; None if no such time is known.
     """
 
     output: Output | None
@@ -447,10 +447,10 @@ class _Count:
     """
     Numbers of samples of one topic, in one run of the live estimator.
 
-    first_ns, last_ns : stamps of the first and the last sample used live, ns.
+    first_ns, last_ns : stamps of the first and the last sample used live.
     used : number of samples used live.
     recorded : number of samples between these stamps in the recording.
-    recorded_from_ns : first of their stamps, ns.
+    recorded_from_ns : stamp of the first of these recorded samples.
     """
 
     first_ns: int
@@ -517,14 +517,13 @@ class UsedSamples:
             for run in self._counts.get(single, ()):
                 if run.recorded == run.used:
                     continue
-                more = run.recorded - run.used
-                words = (
-                    f"the input differs from the live input: from {_time(run.first_ns)} on, the live estimator used "
-                    f"{run.used} samples of {single}, and the recording has {run.recorded}"
-                )
                 late_s = (run.recorded_from_ns - run.first_ns) * 1e-9
-                begins = f", the first {late_s:.3g} s later" if run.recorded and late_s > 0.0 else ""
-                found.append(f"{words} ({abs(more)} {'more' if more > 0 else 'fewer'}{begins}): surveys may differ")
+                begins = f"; its first sample is {late_s:.3g} s later" if run.recorded and late_s > 0.0 else ""
+                found.append(
+                    f"the input differs from the live input: from {_time(run.first_ns)} on, the live estimator used "
+                    f"{run.used} samples of {single}, and the recording has {run.recorded}{begins}; surveys may differ "
+                    "from the live surveys"
+                )
         return found
 
 
@@ -612,7 +611,7 @@ class Imu:
     """
     IMU samples ready for the estimator.
 
-    log_ns : log times of the samples, ns.
+    log_ns : log times of the samples.
     followed : smoothed gravity at the samples; None without a smoother.
     """
 

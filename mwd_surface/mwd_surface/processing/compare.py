@@ -27,7 +27,7 @@ LIMITS = (
     "survey_toolface_deg",
     "survey_sigma_share",  # difference of a station's sigma, relative to the expected sigma
     "survey_stamp_s",  # difference between the times of a station in the two runs
-    "attitude_inclination_deg",  # difference at any sample, like the next three
+    "attitude_inclination_deg",  # largest difference at any sample; the same for the next three limits
     "attitude_azimuth_deg",
     "attitude_toolface_deg",
     "attitude_gravity_deg",  # angle between the directions of gravity

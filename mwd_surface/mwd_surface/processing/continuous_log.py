@@ -62,7 +62,7 @@ def drilled_depth(stamps_ns: Stamps, bit_depth: Array, at_ns: Stamps) -> Array:
     stamps_ns, bit_depth : ndarray, shape (n,), n >= 2
         Reports of the rig in order of time; ns and m.
     at_ns : ndarray, shape (m,)
-        Times, ns.
+        Times.
 
     Returns
     -------

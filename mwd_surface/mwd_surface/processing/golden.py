@@ -83,7 +83,7 @@ def accept(golden: Path) -> None:
         The bag cannot be processed, or the results cannot be written.
     """
     if not is_golden(golden):
-        raise ValueError(f"{golden} is not the folder of a golden recording: it needs bag/ and limits.yaml")
+        raise ValueError(f"{golden} is not a golden recording: it needs bag/ and limits.yaml")
     limits_of(golden)
     with tempfile.TemporaryDirectory(prefix="mwd_golden_") as folder:
         run = Path(folder) / "run"

@@ -461,7 +461,7 @@ class _Course:
     """
     Recorder's clock minus the clock of a topic (the offset), from one jump of the offset to the next.
 
-    first_ns, last_ns : first and last log time, ns.
+    first_ns, last_ns : first and last log time.
     last_offset : last offset, ns.
     was_set : whether the course began because the clock was set, not because messages were delayed.
     count : number of messages.

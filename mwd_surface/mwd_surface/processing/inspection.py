@@ -83,7 +83,7 @@ class Inspection:
     rests : int or None
         Number of intervals at rest that are long enough for a survey; None if the samples are too few to judge.
     rest_s : float
-        Longest interval at rest, s.
+        Longest interval at rest.
     faults : list of SensorFault
         Sensor faults present at the end, with the samples read with the units and the mount found.
     remarks : list of str

@@ -134,7 +134,7 @@ class ListBuilder:
         """
         Add a survey of the estimator to the list; return the measured depth of the sensor, m, nan if unknown.
 
-        log_ns : log time of the survey's last sample, ns. Changes that were made live before the survey was listed are
+        log_ns : log time of the survey's last sample. Changes that were made live before the survey was listed are
         applied first.
         """
         if not self._begun:

@@ -56,7 +56,7 @@ def dump(
     path : Path
         Folder of the dump.
     interval_s : int
-        Interval of all channels, s.
+        Interval of all channels.
     recorded : Recorded, optional
         Settings in the recording.
 

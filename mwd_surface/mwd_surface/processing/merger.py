@@ -79,7 +79,7 @@ class Merger:
         Write the next results and messages.
 
         output, log_ns : results of IMU samples, and the log time of each sample. originals : messages of the recording.
-        until_ns : no message logged up to this time, ns, will follow.
+        until_ns : no message logged up to this time will follow.
         """
         for one in originals:
             self._merged.add_originals(one)

@@ -32,7 +32,7 @@ class RecordedRequest:
     """
     One request.
 
-    stamp_ns, log_ns : stamp of the last sample before the request, and log time of the request's message, ns.
+    stamp_ns, log_ns : stamp of the last sample before the request, and log time of the request's message.
     apply : action on the pipeline.
     """
 
@@ -79,7 +79,7 @@ class RecordedRequests:
     namespace : str
         Namespace of the well, with a slash at its end.
     begin_ns : int
-        Log time before which requests are ignored, ns.
+        Log time before which requests are ignored.
     with_field : bool
         Whether to use a reference field given in the recording; false if the user asks for another one.
 

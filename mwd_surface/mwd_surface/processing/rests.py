@@ -37,9 +37,9 @@ class Rests:
         Number of intervals of at least the settling and averaging time; None if most half seconds have too few samples
         to judge.
     longest_s : float
-        Longest interval, s.
+        Longest interval.
     hidden_s : float
-        Longest interval, s, in which the accelerometers show rest, and the gyro would show rest if its unit were deg/s.
+        Longest interval in which the accelerometers show rest, and the gyro would show rest if its unit were deg/s.
     """
 
     def __init__(self, settings: SurveySettings) -> None:

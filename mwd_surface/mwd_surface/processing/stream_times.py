@@ -34,7 +34,7 @@ class StreamTimes:
     first_ns, last_ns : int
         First and last stamp; 0 before any sample.
     longest_gap_s, gap_at_s : float
-        Length of the longest gap, and time from the first sample to the beginning of this gap, s.
+        Length of the longest gap, and time from the first sample to the beginning of this gap.
     """
 
     def __init__(self) -> None:

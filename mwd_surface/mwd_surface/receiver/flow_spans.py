@@ -35,7 +35,7 @@ class FlowSpans:
     Parameters
     ----------
     block_s : float
-        Averaging time before the pressure is judged, s; it makes the result independent of how the samples are cut.
+        Averaging time before the pressure is judged; it makes the result independent of how the samples are cut.
     """
 
     def __init__(self, block_s: float = 1.0) -> None:

@@ -25,7 +25,7 @@ class Grid:
     Parameters
     ----------
     tu_s : float
-        Time unit of the tool, s.
+        Time unit of the tool.
     """
 
     def __init__(self, tu_s: float) -> None:
@@ -164,7 +164,7 @@ class Strokes:
         if not near:
             return None
         apart, pump = min(near)
-        # Share of all frequencies that lie as near to a harmonic of one of the pumps.
+        # Share of all frequencies whose distance from a harmonic of any pump is at most the distance of this line.
         if 2.0 * apart * sum(1.0 / rate for rate in rates.values()) > _BY_CHANCE:
             return None
         return pump, max(round(line_hz / rates[pump]), 1)
@@ -176,7 +176,7 @@ class Strokes:
         Parameters
         ----------
         time_s : ndarray, shape (n,)
-            Rising times, s. Strokes after the last time are not used, so the result does not depend on when they
+            Rising times. Strokes after the last time are not used, so the result does not depend on when they
             arrive.
 
         Returns
@@ -234,7 +234,7 @@ def _local_line(time: Array, turns: Array, sigma: float, smoothed: Array, others
         s0 = s1 = s2 = t0 = t1 = 0.0
         for j in range(max(k - reach, 0), min(k + reach + 1, len(time))):
             x, y = turns[j] - turns[k], time[j] - time[k]
-            # After missed strokes the next ones can be so far away that they do not count.
+            # After missed strokes, a stroke can be so far away that its weight is 0.
             if j != k and abs(x) < len(falls):
                 g = falls[int(abs(x))]
                 s0 += g
@@ -242,6 +242,6 @@ def _local_line(time: Array, turns: Array, sigma: float, smoothed: Array, others
                 s2 += g * x * x
                 t0 += g * y
                 t1 += g * x * y
-        # The time itself is at 0 with weight 1: it adds to the sum of the weights only.
+        # The stroke itself has x = y = 0 and weight 1, so it changes only the sum of the weights, s0.
         others[k] = time[k] + (s2 * t0 - s1 * t1) / max(s0 * s2 - s1 * s1, 1e-12)
         smoothed[k] = time[k] + (s2 * t0 - s1 * t1) / max((s0 + 1.0) * s2 - s1 * s1, 1e-12)

@@ -25,7 +25,7 @@ _START = re.compile(r'[\ufeff\x1e\s]*[\[{]\s*(?:["{}\[\]]|-?\d)')
 _HOLDERS = frozenset(
     ["data", "values", "fields", "payload", "tags", "sample", "samples", "measurements", "body", "message"]
 )
-_LONGEST_LINE = 1_000_000  # characters
+_LONGEST_LINE = 1_000_000  # largest number of characters of a line
 
 
 def is_json(text: str) -> bool:

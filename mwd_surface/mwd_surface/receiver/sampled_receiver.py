@@ -20,7 +20,7 @@ class SampledReceiver(abc.ABC):
     Parameters
     ----------
     step_s : float
-        Step of the grid, s.
+        Step of the grid.
     """
 
     def __init__(self, step_s: float) -> None:
@@ -54,7 +54,7 @@ class SampledReceiver(abc.ABC):
         pump : int
             Number of the pump.
         time_s : ndarray, shape (n,)
-            Rising times, s, on the clock of the pressure.
+            Rising times, on the clock of the pressure.
         """
         self._grid.strokes.add(pump, time_s)
 

@@ -73,7 +73,7 @@ class SerialReceiver:
         Parameters
         ----------
         time_s : ndarray, shape (n,)
-            Time of arrival of each byte, s.
+            Time of arrival of each byte.
         data : ndarray, shape (n,)
             Whole numbers from 0 to 255.
         """

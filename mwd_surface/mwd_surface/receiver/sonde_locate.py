@@ -224,7 +224,8 @@ class _Model:
         self.freedom = 3 * len(self._field) + len(self._strength) + priors - _UNKNOWNS
         if self.freedom < 0:
             raise ValueError(
-                f"readings: {self.freedom + _UNKNOWNS} numbers cannot give {_UNKNOWNS} unknowns; measure at more points"
+                f"readings: {self.freedom + _UNKNOWNS} numbers do not determine {_UNKNOWNS} unknowns; "
+                "measure at more points"
             )
 
     def starts(self) -> list[Array]:

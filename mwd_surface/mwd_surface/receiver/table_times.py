@@ -44,7 +44,7 @@ _DAY_S = 86_400.0
 _EPOCHS = ((9e17, 1e-9), (1e17, 1e-7), (1e14, 1e-6), (1e11, 1e-3), (1e8, 1.0))
 # Numbers above `_SERIAL` with steps below `_SERIAL_STEP` (9 s) are days since 1900 (spreadsheets) or since year 0.
 _SERIAL, _SERIAL_STEP = 2e4, 1e-4
-_SLOWEST_CLOCK_S = 10.0  # steps of a clock written as digits; slower rows show no pulses
+_SLOWEST_CLOCK_S = 10.0  # longest time between rows whose times are digits of a clock; slower rows show no pulses
 _RECENT = 20  # number of times among which the end of a minute is searched
 _LATE_S = 600.0  # largest delay of a row relative to its neighbours, s
 _DAY = (

@@ -30,7 +30,7 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
     "rate_of_penetration": (0.0, 0.5),
 }
 _DEPTHS = ("bit_depth", "hole_depth")
-_SET_BACK_NS = 60 * NANOSECONDS  # a stamp earlier than the last one by more than this is from a clock that was set back
+_SET_BACK_NS = 60 * NANOSECONDS  # step back of the stamps above which the clock counts as set back
 
 
 @dataclasses.dataclass(frozen=True)

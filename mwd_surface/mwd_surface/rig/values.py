@@ -104,7 +104,7 @@ def rig_values(
     surveys : sequence of AcceptedSurvey
         Result of `survey.accepted_surveys` for the list in force.
     now_ns : int
-        Present time of the node, ns.
+        Present time of the node.
     active, simulated : bool
         Whether the node is active, and whether the tool is simulated.
     previous : RigValues, optional
@@ -202,7 +202,7 @@ def _of_value(value: LiveValue, state: WellState, now_ns: int, stamp_ns: int | N
     """
     Return a live value as a rig value, with the age of its measurement.
 
-    stamp_ns: stamp of the sample, ns, used if the sample did not come over a telemetry link.
+    stamp_ns: stamp of the sample, used if the sample did not come over a telemetry link.
     """
     age = value.measured_age(state.now)
     if value.value is None or value.age is None or age is None:

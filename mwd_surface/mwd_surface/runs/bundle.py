@@ -134,7 +134,7 @@ def copy_end(recording: Path, target: Path, minutes: float) -> int:
             writer.write(channels[name], data, log_ns)
         for table, values in bag.metadata().items():
             if table == "rosbag2":
-                continue  # it describes the whole recording
+                continue  # this table is the metadata.yaml of the whole recording
             writer.add_metadata(table, {name: text for name, text in values.items() if not _SECRET.search(name)})
         return writer.messages
 

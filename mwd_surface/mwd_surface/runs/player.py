@@ -119,7 +119,7 @@ class Player:
     Attributes
     ----------
     length_s : float
-        Length of the recording, s.
+        Length of the recording.
     at_s : float
         Time played so far, s after the first message.
     well : LiveWell
@@ -195,7 +195,7 @@ class Player:
         """
         Go to a time, s after the first message; to go back, playback starts again from the beginning.
 
-        patience_s: longest time to work, s; after this time playback stops on the way. Return whether playback started
+        patience_s: longest time to work; after this time playback stops on the way. Return whether playback started
         again.
         """
         at_s, back = self.clipped(at_s), self.clipped(at_s) < self.at_s
@@ -232,7 +232,7 @@ def recorded_book(bag: Bag, well: str = "", step_m: float = STEP_M) -> SurveyBoo
     Return a survey book without surveys that has the bit depths of a recording, as on the live surface.
 
     The rules, the source of rig data and the depths set by hand are those of the recording. well: namespace of the
-    well, if the recording has several wells. step_m: depth step of the logs, m.
+    well, if the recording has several wells. step_m: depth step of the logs.
 
     Raises
     ------

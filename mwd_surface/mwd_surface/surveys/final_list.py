@@ -49,7 +49,7 @@ class Overlap:
     """
     An interval that two sources cover.
 
-    from_m, to_m: measured depths, m.
+    from_m, to_m: measured depths.
     used, left_out: names of the sources.
     sigma_used, sigma_left_out: semi-major axis of the horizontal error ellipse at to_m, 1 sigma, m, of the path with
     each source.
@@ -164,7 +164,7 @@ def _leg_at(surveys: SurveyList, measured_depth: float) -> Leg:
 
 def _held(surveys: SurveyList, theirs: Sequence[SurveyRecord]) -> set[int]:
     """
-    Return the numbers of the stations that hold the kick-offs of the current leg and of its parents in their place.
+    Return the numbers of stations that must stay in use: they fix the kick-offs of the current leg and its parents.
 
     Such a station is the deepest one of a parent, if it is not below the kick-off. Without it the kick-off would keep
     the position of a path that is no longer used. A station of `theirs` at least as deep on that parent replaces it.

@@ -140,7 +140,7 @@ def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = 
     well = dataclasses.replace(surveys.well, programme="", offset_wells="")
     if reference is not None and reference.source:
         well = dataclasses.replace(well, geomagnetic_model=well.geomagnetic_model or reference.source)
-    # Write the facts of a mine hole only for a mine hole.
+    # Leave out the facts of a mine hole if they have their default values.
     left_out = [name for name in ("convention", "mine") if getattr(well, name) == getattr(Well(), name)]
     return Provenance(
         well={name: value for name, value in settings.to_mapping(well).items() if name not in left_out},

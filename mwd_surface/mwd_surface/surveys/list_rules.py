@@ -53,8 +53,8 @@ class ListRules:
     )
     apply_revisions: str = setting(
         "at_once",
-        "What happens when later surveys of a run change an earlier one. at_once: the revised value is used at "
-        "once. ask: a person decides.",
+        "Reaction when later surveys of a run change an earlier survey. at_once: the revised value is used at once. "
+        "ask: a person decides.",
         choices=("at_once", "ask"),
     )
     projection: str = setting(

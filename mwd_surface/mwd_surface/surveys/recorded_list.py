@@ -28,7 +28,7 @@ _SET_DEPTH, _ACCEPT, _REJECT = 8, 9, 10  # kinds of OperatorEvent.msg
 
 @dataclasses.dataclass(frozen=True)
 class DepthByHand:
-    """Bit depth, m, set by a person at `stamp_ns`; log_ns: time at which the message was recorded, ns."""
+    """Bit depth, m, set by a person at `stamp_ns`; log_ns: time at which the message was recorded."""
 
     log_ns: int
     stamp_ns: int
@@ -38,7 +38,7 @@ class DepthByHand:
 @dataclasses.dataclass(frozen=True)
 class Decided:
     """
-    Decision about a survey that a person made at `stamp_ns`; log_ns: time at which the message was recorded, ns.
+    Decision about a survey that a person made at `stamp_ns`; log_ns: time at which the message was recorded.
 
     measured_depth: depth given with the decision, m; NaN if none was given. replace, value: as in `SurveyList.accept`.
     as_listed: whether the decision comes from a recorded survey list, because the recording has no operator events.
@@ -75,7 +75,7 @@ class Decided:
 
 @dataclasses.dataclass(frozen=True)
 class Revised:
-    """New result of the estimator for a survey; log_ns: time at which the message was recorded, ns."""
+    """New result of the estimator for a survey; log_ns: time at which the message was recorded."""
 
     log_ns: int
     survey: Survey
@@ -96,7 +96,7 @@ class RecordedList:
     changes : tuple of Change
         Changes of the list, in the order of recording.
     arrived_ns : dict of int
-        Time at which the message of each survey was recorded, ns, by uuid.
+        Time at which the message of each survey was recorded, by uuid.
     last : SurveyList or None
         Last list, with legs and plan; None if there is no list.
     without_events : bool

@@ -134,7 +134,7 @@ def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[Estimator
     """
     Return settings whose field model is valid on the day, and a remark, which is empty if nothing was changed.
 
-    If the chosen model is not valid on the day, the IGRF replaces it. stamp_ns: time, ns, whose day is used if the
+    If the chosen model is not valid on the day, the IGRF replaces it. stamp_ns: time whose day is used if the
     settings contain no date. Raises ValueError if the settings use no model, or if the IGRF cannot be used either.
     """
     try:

@@ -53,7 +53,7 @@ class SurveyList:
     """
     Survey list of a well, in order of measured depth within each leg; the docstring of the module describes its rules.
 
-    leg, tool: leg and tool of the next surveys. changed_ns: time of the last change, ns.
+    leg, tool: leg and tool of the next surveys. changed_ns: time of the last change.
     """
 
     well: Well = dataclasses.field(default_factory=Well)
@@ -205,7 +205,7 @@ class SurveyList:
         operator_name, reason : str
             Person and reason. The name must not be empty.
         stamp_ns : int
-            Time of the decision, ns.
+            Time of the decision.
         measured_depth : float
             New depth of the survey, m; NaN keeps the present one.
         replace : bool
@@ -433,7 +433,7 @@ class SurveyList:
         """
         Return the list with other records, sorted, and all derived values recomputed.
 
-        changed_ns: new time of the last change, ns; None keeps the present one. Raises ValueError for a record of an
+        changed_ns: new time of the last change; None keeps the present one. Raises ValueError for a record of an
         unknown leg.
         """
         order = {leg.name: k for k, leg in enumerate(self.legs)}

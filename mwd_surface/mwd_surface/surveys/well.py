@@ -58,7 +58,9 @@ class Mine:
         low=1e-3,
         high=100.0,
     )
-    closure_leg: str = setting("", "Leg of the hole that reaches the surveyed point. Empty: the present leg.")
+    closure_leg: str = setting(
+        "", "Leg that reaches the surveyed point (closure_x, closure_y, closure_z). Empty: the present leg."
+    )
 
     @property
     def closure_point(self) -> tuple[float, float, float]:
@@ -92,7 +94,7 @@ class Well:
         "ft, degF).",
         choices=(METRIC, FIELD),
     )
-    language: str = setting("en", "Language of the report: en, zh_CN, or that of another catalogue.")
+    language: str = setting("en", "Language of the report: en, zh_CN, or the code of another catalogue.")
     latitude_deg: float | None = setting(
         None, "Latitude of the wellhead, WGS 84, north positive. nan if not given.", low=-90.0, high=90.0
     )
@@ -131,8 +133,8 @@ class Well:
     )
     sensor_to_bit: float | None = setting(
         None,
-        "Distance along the hole from the directional sensor to the bit. A survey is this much shallower than the "
-        "bit. nan if not given: surveys then get the depth of the bit.",
+        "Distance along the hole from the directional sensor to the bit. The depth of a survey is the bit depth minus "
+        "this distance. nan if not given: surveys then get the bit depth.",
         unit="m",
         low=0.0,
     )

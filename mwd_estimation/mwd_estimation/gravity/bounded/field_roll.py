@@ -68,7 +68,7 @@ class MagneticSamples(NamedTuple):
 
 @compiled
 def follow_turn(s: BoundedRecord, stamp_ns: int) -> None:
-    """Store the rotation about the axis at an accepted sample; stamp_ns: its stamp, ns."""
+    """Store the rotation about the axis at an accepted sample; stamp_ns: its stamp."""
     row = s.field.turns.rows[ring.next_place(s.field.turns)]
     row.stamp_ns, row.turn = stamp_ns, s.turn
 
@@ -92,7 +92,7 @@ def follow(p: BoundedParams, s: BoundedRecord, stamp_ns: int) -> bool:
     Compare the roll with the newest magnetic sample, after an update; return whether the roll was corrected.
 
     Either the estimate of the angle between gravity and field across the axis is updated, or the roll is corrected with
-    this angle. stamp_ns: stamp of the present sample, ns.
+    this angle. stamp_ns: stamp of the present sample.
     """
     f = s.field
     strength = math.sqrt(f.b_t[1] ** 2 + f.b_t[2] ** 2)

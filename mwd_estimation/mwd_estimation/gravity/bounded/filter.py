@@ -79,7 +79,7 @@ def run(
     state : BoundedState
         State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
-        Times of the samples, ns.
+        Times of the samples.
     gyro_t, accel_t : array_like, shape (n, 3)
         Angular rate, rad/s, and specific force (up at rest), m/s^2, in tool axes.
     clipped : array_like of uint8, shape (n,), optional

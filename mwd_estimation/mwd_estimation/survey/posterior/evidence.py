@@ -342,11 +342,15 @@ def wrong_gyro(residual: Array) -> Array:
 
 def turned_field(angles: Array, log: Array, gyro: Array, states: Array, own: tuple[Array, Array, float]) -> Array:
     """
-    Return the log evidence of a field turned about the vertical, shape (n, k, j).
+    Return the log evidence of a field turned about the vertical, for n azimuths, k filters and j states of the gyro.
 
-    The evidence of the field is smeared over the azimuth by `TURNED`, and multiplied by the evidence of the gyro. log
-    (n, k): log evidence of the field as it is; gyro (n,): residual of the gyro; states (n, j): log weights of the
-    gyro's state; own: mean and variance of the gyro's error by each filter, shape (k,), and the variance of a step.
+    The evidence of the field is smeared over the azimuth with 1 sigma `TURNED`, and multiplied by the evidence of the
+    gyro. Returns shape (n, k, j). The states of the gyro are: no step of its bias, a step, and a wrong
+    azimuth.
+
+    angles: azimuths, rad, shape (n,); log: log evidence of the field without the turn, shape (n, k); gyro: residual of
+    the gyro, rad, shape (n,), see `gyro_residual`; states: log weights of the states, shape (n, j); own: mean, rad, and
+    variance, rad^2, of the gyro error in each filter, shape (k,), and the variance that a step adds, rad^2.
     """
     place, apart = circle.places(angles), circle.STEPS // _FEW
     smear = _SMEAR[(apart * np.arange(_FEW)[:, None] - place) % circle.STEPS] * circle.widths(angles)

@@ -19,7 +19,7 @@ class MessageSpan:
     Attributes
     ----------
     start_ns, end_ns : int
-        First and last log time, ns.
+        First and last log time.
     offset, length : int
         Position and length in the file, including the headers of its records.
     size : int

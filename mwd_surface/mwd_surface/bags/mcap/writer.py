@@ -77,7 +77,7 @@ class McapWriter:
     counts : dict of int to int
         Number of messages of each channel, including those in the current chunk.
     start_ns, end_ns : int
-        First and last log time, ns; start_ns is None, and end_ns 0, without a message.
+        First and last log time; start_ns is None, and end_ns 0, without a message.
 
     Raises
     ------
@@ -449,6 +449,6 @@ def packed_summary(groups: Sequence[tuple[Opcode, bytes]], start: int) -> bytes:
             at += len(records)
             body += records
     data = body + offsets
-    # The CRC is the last field of the footer and covers everything before it.
+    # The CRC is the last field of the footer. It covers the summary, the summary offsets and the rest of the footer.
     foot = packed(Footer(start if data else 0, at if offsets else 0, 0))[:-4]
     return data + foot + zlib.crc32(foot, zlib.crc32(data)).to_bytes(4, "little") + MAGIC

@@ -70,7 +70,7 @@ class RecorderStatus(MessageRecord):
     files : int
         Number of files of this recording.
     unsaved_s : float
-        Age of the oldest data not yet forced to the disk, which a power failure would lose, s.
+        Age of the oldest data not yet forced to the disk, which a power failure would lose.
     recovered : tuple of RecoveryReport
         Files of earlier recordings recovered at this start.
     """

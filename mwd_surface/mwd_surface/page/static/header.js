@@ -171,7 +171,7 @@ export function showAlarmStrip({ alarms, well }, now) {
   const [what, remedy, age] = strip.children;
   const none = unknown ? t`No alarm is known; ${unknown}` : first ? t("✓ No alarm is active") : t("✓ No alarms");
   setText(what, first?.active ? `${{ info: "●", warning: "▲", critical: "✕" }[first.severity_word]} ${say(first.severity_word).toUpperCase()}${t(": ")}${say(first.text)}` : none);
-  setText(remedy, first?.active ? say(first.remedy) : first ? t`gone, not yet acknowledged: ${rows.map((a) => say(a.text)).join(t("; "))}` : well?.over ? t("The run is over: no more data comes.") : "");
+  setText(remedy, first?.active ? say(first.remedy) : first ? t`cleared, not yet acknowledged: ${rows.map((a) => say(a.text)).join(t("; "))}` : well?.over ? t("The run is over: no more data comes.") : "");
   setText(age, first?.active ? [
     alarms.epoch === null ? t`since ${units.clock(first.raised_ns)} UTC` : t`for ${units.age(Math.max(0, now + alarms.epoch - first.raised_ns / 1e9))}`,
     first.acknowledged ? t("acknowledged") : "", rows.length > 1 ? t`+ ${rows.length - 1} more` : "",

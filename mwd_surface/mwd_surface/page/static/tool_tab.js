@@ -18,7 +18,7 @@ export function showTool({ tool_health: health }) {
   const place = byId("tab-tool");
   if (place.hidden) return;
   if (!health || (!health.stamp_ns && !health.parts.length)) {
-    place.replaceChildren(el("p", { class: "empty" }, t("Nothing known of the tool yet: its health grows with its log samples.")));
+    place.replaceChildren(el("p", { class: "empty" }, t("Nothing is known about the tool yet: its health is computed from its log samples.")));
     return;
   }
   place.replaceChildren(el("div", { class: "split" },
@@ -47,7 +47,7 @@ function selfTests({ failed_tests: failed, unreported_tests: unreported }) {
 }
 
 function battery(b) {
-  if (!b) return el("p", { class: "empty" }, t("Neither the tool nor its file tells of a battery."));
+  if (!b) return el("p", { class: "empty" }, t("Neither the tool nor its tool file describes a battery."));
   const with_sigma = (kind, value, sigma) => (value === null ? "–" : `${units.number(kind, value)}${sigma ? ` ± ${units.spread(kind, 2 * sigma)}` : ""} ${units.unit(kind)}`);
   const range = b.remaining === null ? "–" : t`${units.decimal((b.remaining / HOUR).toFixed(0))} ± ${units.decimal(((2 * b.sigma_remaining) / HOUR).toFixed(0))} h`;
   return [

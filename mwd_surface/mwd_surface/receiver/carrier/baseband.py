@@ -50,7 +50,7 @@ def step_s(carrier: Carrier) -> float:
 
 
 def band_of(carrier: Carrier) -> Band:
-    """Return the band of a carrier on the grid of `step_s`."""
+    """Return frequency, symbol length and filter cut-off of a carrier, in units of the grid step `step_s`."""
     step = step_s(carrier)
     # Stop short of zero frequency, where the noise is strongest.
     width = min(_CUT_OFF * carrier.symbol_rate_hz, 0.9 * carrier.frequency_hz)

@@ -89,7 +89,7 @@ def _basis() -> Complex:
     fine = np.arange(-PER_SYMBOL, 3 * PER_SYMBOL, 0.5)
     size = np.exp(-0.5 * (fine / (0.25 * PER_SYMBOL)) ** 2) + 0.02 * (fine > 0) * np.exp(-fine / PER_SYMBOL)
     since = (lag[:, None] - fine[None, :] + 0.5) / PER_SYMBOL
-    # Edges with the rise time that the filter of the band leaves.
+    # Rise time of the edges of a symbol after the filter of the band, in symbols.
     rise = 0.2
     shape = 0.5 * (np.tanh(since / rise) - np.tanh((since - 1.0) / rise))
     values, vectors = np.linalg.eigh(shape * size @ shape.T)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A whole link: selection of the receiver, surveys, attitude, and when the tool sends."""
+"""One telemetry link: its receiver, received surveys and attitude, and the times at which the tool sends."""

@@ -49,7 +49,7 @@ _NO_INPUT = {
 
 @dataclasses.dataclass(frozen=True)
 class Quality:
-    """State of a link; fields as in mwd_msgs/LinkQuality; needed_db: Eb/N0 below which most words fail, dB."""
+    """State of a link; fields as in mwd_msgs/LinkQuality; needed_db: Eb/N0 below which most words fail."""
 
     state: int
     reason: str
@@ -151,7 +151,7 @@ class Link:
         """
         Add samples, shape (n,); return the output that they complete.
 
-        time_s: rising times, s; pressure_pa: Pa, V for a link through the ground, or bytes of a serial line. Values
+        time_s: rising times; pressure_pa: Pa, V for a link through the ground, or bytes of a serial line. Values
         that no gauge can measure count as missing samples.
         """
         time, value = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)

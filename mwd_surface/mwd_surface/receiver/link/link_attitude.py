@@ -2,7 +2,7 @@
 """
 Attitude between the words of a link: the newest word of each angle, with a sigma that grows with its age.
 
-sigma^2 = word^2 + tool^2 + (rate age)^2. A toolface is withheld beyond a set age and while the string rotates. Where
+sigma^2 = word^2 + tool^2 + (rate age)^2. A toolface is withheld above a set age and while the string rotates. Where
 the top drive reports its angle, the toolface follows that angle with a lag. Friction at the wall opposes the motion of
 the pipe, so a string that slides along the hole yields to torsion like a viscous damper, at the rate stiffness x speed
 x wind-up / (friction x pipe radius). The lag is therefore a drilled length, not a time.
@@ -119,7 +119,7 @@ class LinkAttitude:
     Attributes
     ----------
     travel_s : float
-        Travel time of a word to the surface, s.
+        Travel time of a word to the surface.
     rotating : bool
         Whether the string rotates.
     in_slips : bool

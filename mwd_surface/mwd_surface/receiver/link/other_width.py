@@ -124,7 +124,7 @@ def _longest_flow(time_s: Array, pressure_pa: Array) -> float:
     flow = FlowSpans()
     flow.push(time_s, pressure_pa)
     ends = [*(span.start_s for span in flow.spans[1:]), float(time_s[-1])]
-    # The last span without flow may last to the end, with no flow after it.
+    # If the last span without flow has not ended, its end is inf, and no flow follows it.
     flows = [(end - span.end_s, span.end_s) for span, end in zip(flow.spans, ends, strict=False)]
     return max((one for one in flows if math.isfinite(one[1])), default=(0.0, float(time_s[0])))[1]
 
@@ -144,7 +144,7 @@ class OtherWidth:
     Attributes
     ----------
     found_s : float or None
-        Pulse width that the tool sends, s.
+        Pulse width that the tool sends.
     """
 
     def __init__(self, tool: ToolConfiguration) -> None:
@@ -164,9 +164,9 @@ class OtherWidth:
         time_s, pressure_pa : ndarray, shape (n,)
             Rising times, s, and Pa.
         since_s : float
-            Time of flow-on as known before these samples, s; -inf if unknown, and the sync may have been missed.
+            Time of flow-on as known before these samples; -inf if unknown, and the sync may have been missed.
         first_s : float
-            Delay of the first search after flow-on, s; a second search, for wider pulses, follows after twice this
+            Delay of the first search after flow-on; a second search, for wider pulses, follows after twice this
             time.
         """
         second = float(np.floor(time_s[0]))

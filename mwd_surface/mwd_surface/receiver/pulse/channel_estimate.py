@@ -52,7 +52,7 @@ def basis(length: int, tu_s: float) -> Array:
     length : int
         Samples.
     tu_s : float
-        Time unit of the tool, s.
+        Time unit of the tool.
 
     Returns
     -------

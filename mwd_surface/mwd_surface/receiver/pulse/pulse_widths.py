@@ -44,7 +44,7 @@ def margins(channel: ChannelEstimate, width_s: float, ebn0_db: float) -> list[Wi
     channel : ChannelEstimate
         Channel estimated from pulses of `width_s`.
     ebn0_db : float
-        Eb/N0 measured at that width, dB.
+        Eb/N0 measured at that width.
 
     Returns
     -------

@@ -67,7 +67,7 @@ def guesses(
     time_s, pressure_pa : ndarray, shape (n,)
         Rising times, s, and Pa.
     widths_s : sequence of float, optional
-        Widths to try, s; a fine scale of all usual ones by default.
+        Widths to try; a fine scale of all usual ones by default.
     """
     count = math.ceil(math.log(_LONGEST_S / _SHORTEST_S) / math.log(_RATIO))
     widths = widths_s or [_SHORTEST_S * _RATIO**k for k in range(count + 1)]

@@ -51,7 +51,7 @@ _MISSING = 6.0
 # A pulse counts as disturbed, or as lost in a data gap, if its weighted energy is at most this share of the largest one
 # of the five pulses.
 _KNOWN = 0.5
-_MIDDLE = SAMPLES_PER_TU  # middle of a 2 TU pulse after its edge
+_MIDDLE = SAMPLES_PER_TU  # samples from the edge of a 2 TU pulse to its middle
 _LEAST_NOISE = 200  # smallest number of samples for a noise model
 # Samples of a block, and shift of a block mean, in usual deviations, above which the pumps are starting.
 _BLOCK, _MOVED = 16, 5.0

@@ -186,7 +186,7 @@ class ReceivedTransmission:
         """
         Decode the next stretch.
 
-        off_s: time from which the flow is off, s; the pressure after it is not used.
+        off_s: time from which the flow is off; the pressure after it is not used.
         """
         self._off_s = off_s
         if self._pass is None or self._pass.complete:
@@ -487,8 +487,9 @@ class ReceivedTransmission:
 # Clock of the tool relative to the clock of the pressure: position of each sample of a transmission on the grid.
 
 
-# 1 sigma of the relative clock error of a good tool and of a poor one, and the shares of both; 1 sigma of its change
-# from stretch to stretch with temperature.
+# 1 sigma of the relative clock error of tools with a good clock and of tools with a poor clock, and the shares of both
+# kinds of tools. _CLOCK_WALK: 1 sigma of the change of the relative clock error, due to temperature, from one stretch
+# (part of a transmission that is decoded at once) to the next.
 _CLOCKS, _SHARES = (5e-4, 5e-3), (0.95, 0.05)
 _CLOCK_WALK = 3e-5
 

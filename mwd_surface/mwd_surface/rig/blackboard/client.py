@@ -68,8 +68,13 @@ class BlackboardSettings:
         "opc.tcp://127.0.0.1:48030/",
         "Address of the blackboard's OPC UA server, for example opc.tcp://127.0.0.1:48030/.",
     )
-    inject: str = setting("ns=2;s=Inject", "Node id of the blackboard's method that accepts a manifest.")
-    resolve: str = setting("ns=2;s=ResolveQuery", "Node id of the blackboard's method that answers a query.")
+    inject: str = setting(
+        "ns=2;s=Inject",
+        "Node id of the blackboard's method that accepts a D-WIS manifest, the description of the signals.",
+    )
+    resolve: str = setting(
+        "ns=2;s=ResolveQuery", "Node id of the blackboard's method that finds the signals of a D-WIS query."
+    )
     timeout: float = setting(
         10.0,
         "Longest wait for an answer of the blackboard. Raise it for a slow network.",

@@ -2,8 +2,8 @@
 """
 Access rules of the OPC UA server: security policies, certificates and users.
 
-On loopback everyone may read. From other machines, and for commands from anywhere, a session must be signed and
-encrypted with a certificate that lies in the folder of trusted certificates.
+On loopback everyone may read if the setting `anonymous` is true. From other machines, and for commands from anywhere, a
+session must be signed and encrypted with a certificate that lies in the folder of trusted certificates.
 """
 
 from __future__ import annotations
