@@ -15,6 +15,16 @@ from mwd_surface.commands.scenario import scenario_names
 if TYPE_CHECKING:
     from mwd_surface.runs.tool_comparison import ToolStation
 
+_TOOLS = ("conventional", "gyro", "true")
+_COLUMNS = (
+    "scenario",
+    "angle",
+    "md_m",
+    *(f"angle_{tool}_deg" for tool in _TOOLS),
+    *(f"azimuth_{tool}_deg" for tool in _TOOLS),
+    *(f"error_azimuth_{tool}_deg" for tool in _TOOLS[:-1]),
+)
+
 
 def tools(
     scenarios: Annotated[
@@ -68,7 +78,7 @@ def tools(
             lines.append({"scenario": story.name, "angle": convention.value, **cells})
         terminal.output().print(shown)
     if output is not None:
-        terminal.write(output.parent, {output.name: csv_table(tuple(lines[0]), lines)})
+        terminal.write(output.parent, {output.name: csv_table(_COLUMNS, lines)})
 
 
 def _cells(station: ToolStation, convention: AngleConvention) -> dict[str, str]:
@@ -76,17 +86,11 @@ def _cells(station: ToolStation, convention: AngleConvention) -> dict[str, str]:
     from mwd_surface.runs.tool_comparison import azimuth_error
     from mwd_surface.signals.cells import fixed
 
-    readings = {"conventional": station.conventional, "gyro": station.gyro, "true": station.truth}
-    return {
-        "md_m": fixed(station.measured_depth, 1),
-        **{
-            f"angle_{tool}_deg": fixed(math.degrees(convention.shown(one.inclination)), 2)
-            for tool, one in readings.items()
-        },
-        **{f"azimuth_{tool}_deg": fixed(math.degrees(one.azimuth), 2, 360.0) for tool, one in readings.items()},
-        **{
-            f"error_azimuth_{tool}_deg": fixed(math.degrees(azimuth_error(one, station.truth)), 2)
-            for tool, one in readings.items()
-            if tool != "true"
-        },
-    }
+    readings = dict(zip(_TOOLS, (station.conventional, station.gyro, station.truth), strict=True))
+    texts = (
+        fixed(station.measured_depth, 1),
+        *(fixed(math.degrees(convention.shown(one.inclination)), 2) for one in readings.values()),
+        *(fixed(math.degrees(one.azimuth), 2, 360.0) for one in readings.values()),
+        *(fixed(math.degrees(azimuth_error(readings[tool], station.truth)), 2) for tool in _TOOLS[:-1]),
+    )
+    return dict(zip(_COLUMNS[2:], texts, strict=True))
