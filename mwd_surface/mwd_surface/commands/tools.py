@@ -3,27 +3,13 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.commands.scenario import scenario_names
-
-if TYPE_CHECKING:
-    from mwd_surface.runs.tool_comparison import ToolStation
-
-_TOOLS = ("conventional", "gyro", "true")
-_COLUMNS = (
-    "scenario",
-    "angle",
-    "md_m",
-    *(f"angle_{tool}_deg" for tool in _TOOLS),
-    *(f"azimuth_{tool}_deg" for tool in _TOOLS),
-    *(f"error_azimuth_{tool}_deg" for tool in _TOOLS[:-1]),
-)
 
 
 def tools(
@@ -58,7 +44,7 @@ def tools(
     from mwd_sensors.simulator.scenario import read
     from mwd_surface.commands import terminal
     from mwd_surface.commands.spoken_console import SpokenTable
-    from mwd_surface.runs.tool_comparison import compared
+    from mwd_surface.runs.tool_comparison import COMPARISON_COLUMNS, compared, comparison_cells
     from mwd_surface.signals.cells import table as csv_table
 
     lines: list[dict[str, str]] = []
@@ -73,24 +59,9 @@ def tools(
         for title in titles:
             shown.add_column(title, justify="right")
         for station in stations:
-            cells = _cells(station, convention)
-            shown.add_row(*cells.values())
-            lines.append({"scenario": story.name, "angle": convention.value, **cells})
+            cells = comparison_cells(station, convention)
+            shown.add_row(*cells)
+            lines.append(dict(zip(COMPARISON_COLUMNS, (story.name, convention.value, *cells), strict=True)))
         terminal.output().print(shown)
     if output is not None:
-        terminal.write(output.parent, {output.name: csv_table(_COLUMNS, lines)})
-
-
-def _cells(station: ToolStation, convention: AngleConvention) -> dict[str, str]:
-    """Return the numbers of a station as text, in degrees, by the names of their columns."""
-    from mwd_surface.runs.tool_comparison import azimuth_error
-    from mwd_surface.signals.cells import fixed
-
-    readings = dict(zip(_TOOLS, (station.conventional, station.gyro, station.truth), strict=True))
-    texts = (
-        fixed(station.measured_depth, 1),
-        *(fixed(math.degrees(convention.shown(one.inclination)), 2) for one in readings.values()),
-        *(fixed(math.degrees(one.azimuth), 2, 360.0) for one in readings.values()),
-        *(fixed(math.degrees(azimuth_error(readings[tool], station.truth)), 2) for tool in _TOOLS[:-1]),
-    )
-    return dict(zip(_COLUMNS[2:], texts, strict=True))
+        terminal.write(output.parent, {output.name: csv_table(COMPARISON_COLUMNS, lines)})
