@@ -14,6 +14,7 @@ import bombs
 import forked_command
 from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_file
+from mwd_surface.nodes.settings import SurfaceSettings
 from project import GOLDEN, ROOT
 
 BAG = str(GOLDEN / "stations" / "bag")
@@ -32,6 +33,25 @@ def mwd(*words: object) -> str:
 
 def test_the_table_of_the_security_page_is_that_of_the_code():
     assert budgets.table() in (ROOT / "SECURITY.md").read_text(encoding="utf-8")
+
+
+def servers(settings, name=""):
+    """Every settings record of a server, with its name: those that can be allowed on the network."""
+    for field in dataclasses.fields(settings):
+        inner, path = getattr(settings, field.name), f"{name}.{field.name}".lstrip(".")
+        if dataclasses.is_dataclass(inner):
+            if hasattr(inner, "allow_network"):
+                yield path, inner
+            yield from servers(inner, path)
+
+
+def test_every_server_has_a_limit_of_connections_in_the_table_of_the_security_page():
+    page, found = (ROOT / "SECURITY.md").read_text(encoding="utf-8"), dict(servers(SurfaceSettings()))
+    assert {"page", "foxglove"} < found.keys()
+    for name, settings in found.items():
+        limit = "max_connections" if hasattr(settings, "max_connections") else "max_clients"
+        of_one = f"{settings.max_per_peer} (`{name}.max_per_peer`) |" if hasattr(settings, "max_per_peer") else "|"
+        assert f"| {name} | {getattr(settings, limit)} (`{name}.{limit}`) | {of_one}\n" in page
 
 
 def test_every_budget_is_in_the_table_and_bounds_something():

@@ -3,17 +3,13 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.commands.scenario import scenario_names
-
-if TYPE_CHECKING:
-    from mwd_surface.runs.tool_comparison import ToolStation
 
 
 def tools(
@@ -48,7 +44,7 @@ def tools(
     from mwd_sensors.simulator.scenario import read
     from mwd_surface.commands import terminal
     from mwd_surface.commands.spoken_console import SpokenTable
-    from mwd_surface.runs.tool_comparison import compared
+    from mwd_surface.runs.tool_comparison import COMPARISON_COLUMNS, compared, comparison_cells
     from mwd_surface.signals.cells import table as csv_table
 
     lines: list[dict[str, str]] = []
@@ -63,30 +59,9 @@ def tools(
         for title in titles:
             shown.add_column(title, justify="right")
         for station in stations:
-            cells = _cells(station, convention)
-            shown.add_row(*cells.values())
-            lines.append({"scenario": story.name, "angle": convention.value, **cells})
+            cells = comparison_cells(station, convention)
+            shown.add_row(*cells)
+            lines.append(dict(zip(COMPARISON_COLUMNS, (story.name, convention.value, *cells), strict=True)))
         terminal.output().print(shown)
     if output is not None:
-        terminal.write(output.parent, {output.name: csv_table(tuple(lines[0]), lines)})
-
-
-def _cells(station: ToolStation, convention: AngleConvention) -> dict[str, str]:
-    """Return the numbers of a station as text, in degrees, by the names of their columns."""
-    from mwd_surface.runs.tool_comparison import azimuth_error
-    from mwd_surface.signals.cells import fixed
-
-    readings = {"conventional": station.conventional, "gyro": station.gyro, "true": station.truth}
-    return {
-        "md_m": fixed(station.measured_depth, 1),
-        **{
-            f"angle_{tool}_deg": fixed(math.degrees(convention.shown(one.inclination)), 2)
-            for tool, one in readings.items()
-        },
-        **{f"azimuth_{tool}_deg": fixed(math.degrees(one.azimuth), 2, 360.0) for tool, one in readings.items()},
-        **{
-            f"error_azimuth_{tool}_deg": fixed(math.degrees(azimuth_error(one, station.truth)), 2)
-            for tool, one in readings.items()
-            if tool != "true"
-        },
-    }
+        terminal.write(output.parent, {output.name: csv_table(COMPARISON_COLUMNS, lines)})

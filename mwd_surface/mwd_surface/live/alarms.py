@@ -84,8 +84,7 @@ class AlarmLog:
     now_ns : callable
         Returns the time with which alarms and events are stamped, ns since the epoch.
     tell : callable, optional
-        `tell(text, severity)`, called with each event of `log_event` and with each alarm of `raise_alarm`. Alarms of
-        `set_alarms` are not passed on.
+        `tell(text, severity)`, called with each event of `log_event`, and when an alarm begins or becomes more severe.
     max_alarms, max_events : int
         Largest number of alarms and of events. A further event replaces the oldest event. A further alarm replaces the
         oldest alarm that is no longer active; if all are active, the new alarm is refused and an event is logged.
@@ -124,15 +123,29 @@ class AlarmLog:
         self._log("note", source, text, severity)
         self._tell(printable(f"{source}: {text}"), severity)
 
-    def raise_alarm(self, alarm_id: str, severity: Severity, text: str, remedy: str = "") -> None:
+    def raise_alarm(self, alarm_id: str, severity: int, text: str, remedy: str = "") -> None:
         """
         Raise an alarm because its cause is present, or update the alarm if it is raised already.
 
         An alarm that comes back or becomes more severe must be acknowledged again; the count of an alarm that comes
         back rises by one.
         """
-        self._raise(alarm_id, severity, text, remedy)
-        self._tell(printable(f"{text}; {remedy}" if remedy else text), severity)
+        # Escape hidden characters: texts from files and peers are shown on terminals, which obey control characters.
+        text, remedy, now_ns = printable(text), printable(remedy), self.now_ns()
+        old = self._alarms.get(alarm_id)
+        if old is None or not old.active:
+            count = old.count + 1 if old else 1
+            alarm = Alarm(alarm_id, int(severity), text, remedy, now_ns, now_ns, count=count)
+            if old or self._has_room(alarm):
+                self._begin(alarm, "raised")
+            return
+        alarm = dataclasses.replace(old, severity=int(severity), text=text, remedy=remedy, last_ns=now_ns)
+        if alarm.severity > old.severity:
+            self._begin(dataclasses.replace(alarm, acknowledged=False, acknowledged_by=""), "worse")
+            return
+        if (alarm.severity, alarm.text, alarm.remedy) != (old.severity, old.text, old.remedy):
+            self.version += 1
+        self._alarms[alarm_id] = alarm
 
     def clear_alarm(self, alarm_id: str) -> None:
         """
@@ -161,7 +174,7 @@ class AlarmLog:
         for alarm_id, (severity, text, remedy) in causes.items():
             if not alarm_id.startswith(prefix):
                 raise ValueError(f"causes: {alarm_id!r} does not start with {prefix!r}")
-            self._raise(alarm_id, severity, text, remedy)
+            self.raise_alarm(alarm_id, severity, text, remedy)
         for alarm_id in [k for k in self._alarms if k.startswith(prefix) and k not in causes]:
             self.clear_alarm(alarm_id)
 
@@ -186,23 +199,9 @@ class AlarmLog:
                 del self._alarms[key]
         return True, f"{operator_name} acknowledged {', '.join(wanted)}"
 
-    def _raise(self, alarm_id: str, severity: int, text: str, remedy: str) -> None:
-        # Escape hidden characters: texts from files and peers are shown on terminals, which obey control characters.
-        text, remedy, now_ns = printable(text), printable(remedy), self.now_ns()
-        old = self._alarms.get(alarm_id)
-        if old is None or not old.active:
-            count = old.count + 1 if old else 1
-            alarm = Alarm(alarm_id, int(severity), text, remedy, now_ns, now_ns, count=count)
-            if old or self._has_room(alarm):
-                self._store(alarm, "raised", text)
-            return
-        alarm = dataclasses.replace(old, severity=int(severity), text=text, remedy=remedy, last_ns=now_ns)
-        if alarm.severity > old.severity:
-            self._store(dataclasses.replace(alarm, acknowledged=False, acknowledged_by=""), "worse", text)
-            return
-        if (alarm.severity, alarm.text, alarm.remedy) != (old.severity, old.text, old.remedy):
-            self.version += 1
-        self._alarms[alarm_id] = alarm
+    def _begin(self, alarm: Alarm, kind: str) -> None:
+        self._store(alarm, kind, alarm.text)
+        self._tell(f"{alarm.text}; {alarm.remedy}" if alarm.remedy else alarm.text, Severity(alarm.severity))
 
     def _store(self, alarm: Alarm, kind: str, text: str) -> None:
         self._alarms[alarm.id] = alarm

@@ -22,17 +22,34 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.survey import STATIC, Survey
+from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.frames import inclination, wrap_pi
 from mwd_sensors.core.settings import changed
 from mwd_sensors.simulator.scenario import Scenario
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.runs.launch_plan import estimator_parameters
+from mwd_surface.signals.cells import fixed
 
 _SAME = 0.3  # distance below which two surveys belong to one station, m
 _LAST_S = 12.0  # time from the request of a survey to the end of the interval at rest, s
 _ASKED_S = 8.0  # length of a requested survey, s
 _SHORTEST = 20.0  # shortest interval at rest in which a survey is requested in addition to the automatic one, s
+
+#: Columns of the table of the comparison: scenario, vertical angle, and `comparison_cells`.
+COMPARISON_COLUMNS = (
+    "scenario",
+    "angle",
+    "md_m",
+    "angle_conventional_deg",
+    "angle_gyro_deg",
+    "angle_true_deg",
+    "azimuth_conventional_deg",
+    "azimuth_gyro_deg",
+    "azimuth_true_deg",
+    "error_azimuth_conventional_deg",
+    "error_azimuth_gyro_deg",
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,3 +172,15 @@ def _azimuth(survey: Survey, method: AzimuthMethod) -> tuple[float, float]:
 def azimuth_error(reading: ToolDirection, truth: ToolDirection) -> float:
     """Return measured minus true azimuth, rad, from -pi to pi."""
     return float(wrap_pi(reading.azimuth - truth.azimuth))
+
+
+def comparison_cells(station: ToolStation, convention: AngleConvention) -> tuple[str, ...]:
+    """Return the numbers of a station as text, in degrees, for the columns after scenario and angle."""
+    tools = (station.conventional, station.gyro)
+    readings = (*tools, station.truth)
+    return (
+        fixed(station.measured_depth, 1),
+        *(fixed(math.degrees(convention.shown(one.inclination)), 2) for one in readings),
+        *(fixed(math.degrees(one.azimuth), 2, 360.0) for one in readings),
+        *(fixed(math.degrees(azimuth_error(one, station.truth)), 2) for one in tools),
+    )

@@ -161,3 +161,19 @@ def test_the_log_of_the_process_has_the_severity_of_the_event_or_alarm(severity)
     log.log_event("survey", "withdrawn", severity)
     log.raise_alarm("disk.full", severity, "the disk is full", "free some space")
     assert logged == [("survey: withdrawn", severity), ("the disk is full; free some space", severity)]
+
+
+CAUSES = st.dictionaries(st.sampled_from(["a.1", "a.2"]), st.sampled_from([1, 2]))
+
+
+@given(st.lists(st.one_of(CAUSES, st.tuples(st.sampled_from(["a.1", "a.3"]), st.sampled_from([0, 1, 2]))), max_size=20))
+def test_the_log_of_the_process_has_each_alarm_once_however_it_is_raised(steps):
+    logged = []
+    log = AlarmLog(lambda: 1, lambda text, level: logged.append((text, level)))
+    for step in steps:
+        if isinstance(step, dict):
+            log.set_alarms("a.", {alarm_id: (severity, alarm_id, "") for alarm_id, severity in step.items()})
+        else:
+            log.raise_alarm(*step, step[0])
+    begun = [(e.source, e.severity) for e in reversed(log.events()) if e.kind in ("raised", "worse")]
+    assert logged == begun

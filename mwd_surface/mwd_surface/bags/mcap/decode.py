@@ -14,10 +14,11 @@ import zlib
 from typing import Any, TypeVar
 
 from mcap.data_stream import ReadDataStream
-from mcap.records import Attachment, McapRecord
+from mcap.records import Attachment, Channel, McapRecord, Metadata, Statistics
 
 from mwd_surface.bags.mcap.contents import MessageSpan
-from mwd_surface.bags.mcap.records import COMPRESSIONS, MAX_CHUNK_BYTES, ChunkHead, FormatError
+from mwd_surface.bags.mcap.records import COMPRESSIONS, MAX_CHUNK_BYTES, PREFIX, ChunkHead, FormatError
+from mwd_surface.bags.mcap.writer import packed
 
 # Fixed first part of a chunk index, one entry of its table (channel, position of the message index), length of these
 # message indexes and of the name of the compression, and compressed and decompressed size.
@@ -48,6 +49,9 @@ def parse(kind: type[R], body: bytes | memoryview) -> R:
         record: R = reader.read(_Body(body))
     except UnicodeDecodeError as error:
         raise FormatError("a name is not UTF-8") from error
+    # `mcap` reads the last entry of a map beyond the length of the map, and keeps one of two entries with equal keys.
+    if isinstance(record, Channel | Metadata | Statistics) and not bytes(body).startswith(packed(record)[PREFIX:]):
+        raise FormatError("the length of a map does not match its entries, or a key is repeated")
     return record
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import zlib
 
 import numpy as np
@@ -94,6 +95,38 @@ def test_no_bytes_whatever_make_a_parser_do_more_than_refuse(data):
             parser(data)
         except FormatError:
             continue
+
+
+def pairs(keys, values):
+    return st.lists(st.tuples(keys, values), max_size=3, unique_by=lambda entry: entry[0])
+
+
+maps = st.one_of(
+    pairs(words, words).map(lambda entries: Channel(1, "/t", "cdr", dict(entries), 2)),
+    pairs(words, words).map(lambda entries: Metadata("m", dict(entries))),
+    pairs(st.integers(0, 65535), stamps).map(lambda entries: Statistics(0, 0, dict(entries), 0, 0, 0, 0, 0, 0)),
+)
+
+
+@given(maps, st.integers(0, 60), st.binary(max_size=3))
+def test_a_map_has_exactly_the_length_that_stands_before_it(record, wrong, later_fields):
+    """A map that ends early at the end of one of its entries looks like a record with fields of a later version."""
+    kind, body = type(record), packed(record)[9:]
+    field = "channel_message_counts" if kind is Statistics else "metadata"
+    entries = list(getattr(record, field).items())
+    shorter = [dataclasses.replace(record, **{field: dict(entries[:k])}) for k in range(len(entries) + 1)]
+    ends = [len(packed(one)) - 9 for one in shorter]
+    at = ends[0] - 4
+    changed = body[:at] + wrong.to_bytes(4, "little") + body[at + 4 :] + later_fields
+    if at + 4 + wrong in ends:
+        assert parse(kind, changed) == shorter[ends.index(at + 4 + wrong)]
+    else:
+        with pytest.raises(FormatError):
+            parse(kind, changed)
+    if entries:
+        twice = body[:at] + (2 * (ends[1] - at - 4)).to_bytes(4, "little") + 2 * body[at + 4 : ends[1]]
+        with pytest.raises(FormatError):
+            parse(kind, twice)
 
 
 messages = st.tuples(st.integers(0, 65535), stamps, stamps, st.binary(max_size=20))
