@@ -52,11 +52,9 @@ class FoxgloveBridge:
             self._server.put(topic, type_name, data, now_ns, latched=latched)
 
     def update(self) -> None:
-        """Limit the connections, and send simulated time to the clients; called twenty times a second."""
-        if self._server is not None:
-            self._server.refuse_surplus()
-            if self._simulated and (now_ns := self._now_ns()) > 0:
-                self._server.set_time(now_ns)
+        """Send the time of the graph to clients, if it is simulated; called twenty times a second."""
+        if self._server is not None and self._simulated and (now_ns := self._now_ns()) > 0:
+            self._server.set_time(now_ns)
 
     def advertise(self, topic: str, type_name: str) -> None:
         """Advertise a topic to viewers before its first message."""

@@ -8,14 +8,9 @@ Everyone who may connect can watch everything, and nothing can be changed. The s
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import importlib
-import os
-import socket
 import threading
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from mwd_sensors.core.settings import setting
@@ -36,9 +31,6 @@ class FoxgloveSettings:
     port: int = setting(8765, "TCP port of the server. 0 selects a free port.", low=0, high=65535)
     allow_network: bool = setting(
         False, "Allow a host that other machines can reach. Without it only loopback addresses are accepted."
-    )
-    max_clients: int = setting(
-        16, "Largest number of connections at a time. Further connections are refused.", low=1, high=200
     )
     backlog: int = setting(
         1024,
@@ -86,7 +78,6 @@ class FoxgloveServer:
         self._simulated_clock = simulated_clock
         self._channels: dict[tuple[str, str], Any] = {}
         self._last: dict[int, tuple[bytes, int]] = {}
-        self._clients: set[Any] = set()
         self._lock = threading.Lock()
         self._wanted: list[tuple[str, str]] = []
         self.unknown: set[str] = set()
@@ -171,20 +162,6 @@ class FoxgloveServer:
         if self._server is not None and self._simulated_clock:
             self._server.broadcast_time(now_ns)
 
-    def refuse_surplus(self) -> None:
-        """Close the newest connections beyond `max_clients`; to be called often."""
-        if self._server is None:
-            return
-        # The SDK accepts any number of connections and reports none, so find them among the handles of this process.
-        port = self._server.port
-        self._clients &= {peer for peer, _ in _connections(port)}
-        for peer, connection in _connections(port):
-            if peer in self._clients or len(self._clients) < self._settings.max_clients:
-                self._clients.add(peer)
-            else:
-                with contextlib.suppress(OSError):
-                    connection.shutdown(socket.SHUT_RDWR)
-
     def stop(self) -> None:
         """Close all connections; the port is free a moment later. Does nothing if the server is not running."""
         server, self._server = self._server, None
@@ -222,17 +199,3 @@ class FoxgloveServer:
         channel = next((c for c in list(self._channels.values()) if c.id() == channel_id), None)
         if last is not None and channel is not None:
             channel.log(last[0], log_time=last[1])
-
-
-def _connections(port: int) -> Iterator[tuple[Any, socket.socket]]:
-    """Yield peer and socket of each connection to a TCP port of this process; the socket is a copy, closed behind."""
-    for handle in Path("/proc/self/fd").iterdir():
-        # A socket that listens, and a connection that ends in the meantime, raise OSError.
-        with contextlib.suppress(OSError), contextlib.ExitStack() as copies:
-            if str(handle.readlink()).startswith("socket:"):
-                number = os.dup(int(handle.name))
-                copies.callback(os.close, number)
-                copy = socket.socket(fileno=number)
-                copies.callback(copy.detach)
-                if copy.type == socket.SOCK_STREAM and copy.getsockname()[1:2] == (port,):
-                    yield copy.getpeername(), copy

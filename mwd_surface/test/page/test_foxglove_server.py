@@ -4,11 +4,9 @@
 import asyncio
 import contextlib
 import json
-import select
 import socket
 import struct
 import time
-from pathlib import Path
 
 import aiohttp
 import pytest
@@ -120,42 +118,6 @@ def test_one_that_says_nothing_of_a_handshake_does_not_keep_others_out(server):
             assert client.info["name"] == "/w1"
 
         watched(server, script)
-
-
-def handles():
-    return sum(1 for _ in Path("/proc/self/fd").iterdir())
-
-
-@pytest.mark.fault_case(76)
-def test_connections_beyond_the_limit_are_closed_and_those_before_stay(server):
-    host, _, port = server.address.removeprefix("ws://").partition(":")
-    limit, before = FoxgloveSettings().max_clients, handles()
-
-    async def script(client):
-        server.refuse_surplus()
-        with contextlib.ExitStack() as opened:
-            here = [opened.enter_context(socket.create_connection((host, int(port)))) for _ in range(limit + 60)]
-            async with asyncio.timeout(10.0):
-                # The SDK accepts in a thread of its own.
-                while len(here) > limit - 1:
-                    server.refuse_surplus()
-                    here = [one for one in here if not select.select([one], [], [], 0.0)[0]]
-                    await asyncio.sleep(0.01)
-            assert len(here) == limit - 1
-            server.advertise("/w1/late", TEMPERATURE)
-            await client.until(lambda c: "/w1/late" in c.channels)
-
-    watched(server, script)
-
-    async def again(client):
-        server.refuse_surplus()
-        assert client.info["name"] == "/w1"
-
-    watched(server, again)
-    end = time.monotonic() + 10.0
-    while handles() > before and time.monotonic() < end:
-        server.refuse_surplus()
-    assert handles() <= before
 
 
 def test_clients_are_told_a_time_that_is_not_the_wall_s():
