@@ -49,7 +49,7 @@ def test_accepted_answers_agree_and_another_method_does_not(tmp_path):
 
 def test_a_run_without_answers_or_limits_is_refused(tmp_path):
     folder = copied(tmp_path, names=("config.yaml",))
-    with pytest.raises(ValueError, match="not the folder of a golden recording"):
+    with pytest.raises(ValueError, match="not a golden recording"):
         golden.accept(folder)
     result = CliRunner().invoke(app, ["compare", str(folder)])
     assert isinstance(result.exception, ValueError)
