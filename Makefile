@@ -6,6 +6,7 @@
 # make papers  the tables and figures of the papers S0, S1 and S3, computed next to the printed values: docs/papers.md
 # make cortex  instructions of S3's filters on a Cortex-M3, in emulation (needs gcc-arm-none-eabi and qemu-system-arm)
 # make fuzz   generated input against every parser, for long (the suite does it for short); INPUTS=500: of so many each
+# make nightly  what the gate asserts with few seeds and examples, with many; then `make fuzz` and `make sweep`
 # make sweep  every scenario with requests of people, live and afterwards: equal lists; SECONDS=100: of so many each
 # make soak   an hour of the graph at ten times its pace with kills, LOSS=0.3: over a network that loses and reorders
 # make mutate ROOM=health  which constants of a room no test of it notices, each scaled by 0.7 and 1.4; takes long
@@ -26,7 +27,7 @@ CLEAN := env -u PYTHONDONTWRITEBYTECODE -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD
 # check, ROS sends an integer in a field of floats as another number.
 PYTEST = $(CLEAN) ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: run test test-ubuntu check setup lint config docs pictures tour words font lock bench papers cortex fuzz soak sweep mutate sbom deb clean
+.PHONY: run test test-ubuntu check setup lint config docs pictures tour words font lock bench papers cortex fuzz soak nightly sweep mutate sbom deb clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -41,15 +42,15 @@ lint: setup
 	@$(BIN)/python .ci/config --check
 
 check: lint
-	@$(PYTEST) --numprocesses 2 -m "not slow and not ros" --durations 20 --durations-min 0.5
+	@$(PYTEST) --numprocesses 2 -m "not slow and not ros and not nightly" --durations 20 --durations-min 0.5
 
 test: lint
-	@$(PYTEST)
+	@$(PYTEST) -m "not nightly"
 
 test-ubuntu: BIN := .venv-ubuntu/bin
 test-ubuntu:
 	@$(PYTHON) .ci/setup --ubuntu
-	@$(PYTEST) $(ONLY)
+	@$(PYTEST) -m "not nightly" $(ONLY)
 
 bench: setup
 	@$(BIN)/python -m pip install -q --no-deps --disable-pip-version-check --require-hashes -r .ci/bench.lock
@@ -89,6 +90,10 @@ lock: setup
 
 fuzz: setup
 	@HYPOTHESIS_PROFILE=fuzz FUZZ_INPUTS=$(or $(INPUTS),5000) $(CLEAN) $(BIN)/python -m pytest -m fuzz --hypothesis-show-statistics $(ONLY)
+
+nightly: setup
+	@HYPOTHESIS_PROFILE=nightly $(PYTEST) -m "nightly or hypothesis"
+	@$(MAKE) fuzz sweep
 
 sweep: setup
 	@SWEEP_SECONDS=$(or $(SECONDS),240) $(PYTEST) --numprocesses 2 --dist load -k scenario mwd_surface/test/processing/test_live_and_afterwards.py

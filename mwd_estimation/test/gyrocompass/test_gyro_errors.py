@@ -49,6 +49,10 @@ def station(known: GyroErrors, found: Sought, heading: float) -> tuple[float, fl
     return float(wrap_pi(circle.mean - heading)), circle.sigma, gyro_errors.after(later, PARAMS, 1800.0)
 
 
+# Units that a rate of errors is estimated from: few in the gate, many at night.
+DRAWN = pytest.mark.parametrize("units", [15, pytest.param(40, marks=pytest.mark.nightly)])
+
+
 def any_toolface(rng: np.random.Generator) -> Array:
     return np.asarray(Rotation.random(random_state=rng).as_matrix())
 
@@ -84,11 +88,12 @@ def test_each_kind_of_unit_has_its_exact_posterior_and_evidence_whatever_the_see
     assert_allclose(log - log[0], np.array(evidence) - evidence[0], atol=1e-3)
 
 
-@pytest.mark.slow(5)
+@pytest.mark.slow(2)
+@DRAWN
 @pytest.mark.parametrize(("bias", "walk"), [(5.0, 0.3), (1.0, 0.0), (15.0, 0.0)], ids=["stated", "better", "worse"])
-def test_stations_of_a_run_find_the_biases_of_any_unit_with_an_honest_sigma(bias, walk):
+def test_stations_of_a_run_find_the_biases_of_any_unit_with_an_honest_sigma(bias, walk, units):
     rng, errors, sigmas = np.random.default_rng(3), [], []
-    for _ in range(40):
+    for _ in range(units):
         true, known = bias * DEG_PER_HOUR * rng.standard_normal(3), gyro_errors.stated(PARAMS)
         for _ in range(6):
             heading = rng.uniform(0.0, math.tau)
@@ -103,10 +108,11 @@ def test_stations_of_a_run_find_the_biases_of_any_unit_with_an_honest_sigma(bias
     assert np.median(sigma) < math.radians(10.0)
 
 
-@pytest.mark.slow(5)
-def test_stations_at_one_attitude_do_not_show_their_azimuth_by_being_many():
+@pytest.mark.slow(2)
+@DRAWN
+def test_stations_at_one_attitude_do_not_show_their_azimuth_by_being_many(units):
     rng, errors, sigmas = np.random.default_rng(4), [], []
-    for _ in range(30):
+    for _ in range(units):
         true, known = 5.0 * DEG_PER_HOUR * rng.standard_normal(3), gyro_errors.stated(PARAMS)
         mat, heading = any_toolface(rng), rng.uniform(0.0, math.tau)
         off, sigma, known = station(known, sought(*reading(true, heading, rng, mat)), heading)
@@ -130,10 +136,11 @@ def test_a_kind_of_unit_that_does_not_fit_keeps_its_own_biases():
     assert np.diagonal(later.covariance, axis1=1, axis2=2).min() > 0.0
 
 
-@pytest.mark.slow(5)
-def test_biases_that_step_after_they_are_known_are_found_again():
+@pytest.mark.slow(2)
+@DRAWN
+def test_biases_that_step_after_they_are_known_are_found_again(units):
     rng, off, sigma = np.random.default_rng(5), [], []
-    for _ in range(40):
+    for _ in range(units):
         true, known = 5.0 * DEG_PER_HOUR * rng.standard_normal(3), gyro_errors.stated(PARAMS)
         for k in range(8):
             if k == 6:
