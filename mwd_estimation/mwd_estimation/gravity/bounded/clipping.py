@@ -15,6 +15,7 @@ from mwd_sensors.core.compiled import compiled
 HIDDEN = 0.0014  # clipped time within a sample, s, from which the mean force of a shock is computed
 UNUSUAL = 2.2  # smallest ratio of an unusual acceleration to the usual acceleration
 CHANCE = 0.0023  # share of unusual samples in Gaussian vibration (chi-square with 3 degrees of freedom)
+SHOCK = 0.004  # longest shock, s
 LOST = 1.0  # ratio of lost to measured velocity: 1.0 to 1.9 on simulated shocks above 4, 8 and 16 g
 USUAL_TIME = 0.3  # averaging time of the usual acceleration, s
 SHOCK_POWER = 1e4  # largest contribution of a shock to the usual acceleration, (m/s^2)^2
@@ -42,7 +43,8 @@ def follow_shocks(p: BoundedParams, s: BoundedRecord, dt: float, f: Vector, powe
     Count shocks, and increase the variance of the velocity for the part of each shock that may have been clipped.
 
     A force far above the usual one may be a shock whose peak was clipped before the sensor averaged the force. The lost
-    velocity is mostly along the measured force, so the variance of the velocity is increased in this direction.
+    velocity is mostly along the measured force, so the variance of the velocity is increased in this direction. Samples
+    of one shock lose velocity in the same direction: their sigmas, and not their variances, are added.
 
     dt: time since the last sample, s; f: force, m/s^2; power: squared acceleration, (m/s^2)^2; flag: whether the unit
     reports clipping in this sample, even if the measured force is small.
@@ -58,7 +60,8 @@ def follow_shocks(p: BoundedParams, s: BoundedRecord, dt: float, f: Vector, powe
             if (flag or unusual) and s.since_shock > SHOCK_APART:
                 s.shocks += 1.0
                 s.since_shock = 0.0
-            lost = (LOST * dt) ** 2
+            s.shock_time += dt
+            lost = LOST**2 * dt * max(2.0 * min(s.shock_time, SHOCK) - dt, dt)
             C = s.C
             for j in range(3):
                 aj = C[j, 0] * f[0] + C[j, 1] * f[1] + C[j, 2] * f[2]
@@ -70,6 +73,8 @@ def follow_shocks(p: BoundedParams, s: BoundedRecord, dt: float, f: Vector, powe
                     if m == 2:
                         am += p.gravity
                     s.P[VEL + j, VEL + m] += lost * aj * am
+    else:
+        s.shock_time = 0.0
     # Limit the contribution of a single shock to the usual acceleration; strong vibration contributes fully.
     s.power += min(1.0, dt / USUAL_TIME) * (min(power, SHOCK_POWER + 4.0 * s.power) - s.power)
 

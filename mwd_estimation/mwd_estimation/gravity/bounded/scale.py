@@ -7,9 +7,9 @@ the covariance is right, the variance of a tilt correction is the decrease of th
 corrections are low-passed with the time constant of the filter, which is the time in which noise adds the variance of
 the tilt. Their power, weighted as in equation (10), is the factor on the covariance. An event that the model does not
 contain moves the tilt before this average shows it; a sum of recent corrections that is too large for chance is
-therefore added as a variance. Errors that no innovation shows are added too: calibration errors, a cone of the
-cross-axis gyros while the tool rotates, and travel along a curve. Equation numbers are those of
-``docs/methods/bounded_gravity_filter.md``.
+therefore added as a variance. A displacement that does not fit into the hole shows a wrong vertical. Errors that no
+innovation shows are added too: calibration errors, a cone of the cross-axis gyros while the tool rotates, and travel
+along a curve. Equation numbers are those of ``docs/methods/bounded_gravity_filter.md``.
 """
 
 from __future__ import annotations
@@ -39,6 +39,11 @@ SCALE_YOUNG, SCALE_SETTLED = 1.0, 12.0
 RECTIFIED = 0.5
 # Smallest ratio of the squared sum of recent corrections to its scaled variance that is not chance (2 sigma).
 CHANCE = 4.0
+# Largest rms displacement of a tool across its hole, m: the radial clearance of a slim string in a wide hole.
+CLEARANCE = 0.1
+# A slow motion with a displacement of 1 m after the three high-passes has an acceleration of at least this many m/s^2:
+# a sine of frequency u / (2 pi SWING_TIME) has (1 + u^2)^1.5 / (u SWING_TIME^2), least at u^2 = 1/2.
+LEAST_PULL = 1.5 * math.sqrt(3.0) / noise.SWING_TIME**2
 BAND = 4.0  # weight of the middle of the filter's band, equations (8) and (10)
 USUAL_TIME = 10.0  # averaging time of the usual innovation, s
 ROTATING = 1.5  # mean rate about the axis at which errors fixed in the tool have half of their full weight, rad/s
@@ -167,7 +172,21 @@ def floors(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
     along += share * (bx * C[0, 0] + by * C[1, 0]) ** 2
     turned2 = (bx * C[1, 0] - by * C[0, 0]) ** 2 - across2 * across2 * _heading_rate(s)
     aside += share * max(turned2, 0.0)
-    return along, aside
+    outside = _outside(p, s)
+    # Integrated samples can only have a wrong roll. Point samples can also show a false force, in any direction.
+    return along + outside if s.meaning.sampled else along, aside + outside
+
+
+@compiled
+def _outside(p: BoundedParams, s: BoundedRecord) -> float:
+    """
+    Return the variance of the tilt that a displacement outside the hole shows, equation (21), rad^2.
+
+    A tool cannot move across its hole by more than its clearance. A larger displacement, unless it comes from white
+    force (6), is gravity on a wrong roll, or a force that point samples alias.
+    """
+    beyond = max(s.motion.across - s.motion.white - CLEARANCE**2, 0.0)
+    return beyond * (LEAST_PULL / p.gravity) ** 2
 
 
 @compiled

@@ -322,6 +322,8 @@ class BoundedRecord:
     """Usual square of the acceleration, (m/s^2)^2."""
     since_shock: float
     """Time since the last shock, s."""
+    shock_time: float
+    """Duration of the present shock, s; 0 if there is none."""
     shocks: float
     """Number of recent shocks, decaying exponentially."""
     g_t: Annotated[Array, 3]

@@ -9,7 +9,7 @@ import pytest
 from consistency import assert_consistent
 from mwd_estimation.gravity.bounded import alignment, clipping
 from mwd_estimation.gravity.bounded import filter as bounded
-from mwd_estimation.gravity.bounded.state import TILT
+from mwd_estimation.gravity.bounded.state import TILT, VEL
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import ROOT
@@ -89,6 +89,19 @@ def test_the_more_shocks_were_seen_the_smaller_an_innovation_shows_a_velocity_lo
 def test_shocks_that_come_faster_than_updates_leave_a_gate_above_zero(interval_s):
     # Ten shocks a second, and an update of a slow unit or at the end of a gap: a shock is never quite certain.
     assert 0.0 < _gate(10.0, interval_s) < _gate(10.0, 0.1)
+
+
+@pytest.mark.parametrize("rate_hz", [1000, 2000, 4000])
+def test_velocity_lost_in_a_clipped_shock_has_the_same_variance_at_every_sampling_rate(rate_hz):
+    p = bounded.BoundedParams()
+    s = bounded.initial(p).record[0]
+    before, force, duration = s.P[VEL + 1, VEL + 1], p.accel_range, 0.003
+    for _ in range(round(duration * rate_hz)):
+        clipping.follow_shocks(p, s, 1.0 / rate_hz, (0.0, force, -p.gravity), force**2, True)
+    clipping.follow_shocks(p, s, 1.0 / rate_hz, (0.0, 0.0, -p.gravity), 0.0, False)
+    assert s.P[VEL + 1, VEL + 1] - before == pytest.approx(1.1 * (clipping.LOST * duration * force) ** 2)
+    clipping.follow_shocks(p, s, 1.0 / rate_hz, (0.0, force, -p.gravity), force**2, True)
+    assert s.shock_time == pytest.approx(1.0 / rate_hz)
 
 
 def test_a_start_takes_out_the_learnt_pull_and_what_the_x_gyro_did_not_carry():

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from mwd_estimation.gravity.bounded import mechanisation, scale
+from mwd_estimation.gravity.bounded import mechanisation, noise, scale
 from mwd_estimation.gravity.bounded.filter import BoundedParams, initial
 from mwd_estimation.gravity.bounded.state import ASKEW, BIAS
 
@@ -37,6 +37,21 @@ def test_the_pull_of_a_circle_round_a_vertical_axis_tilts_nothing_along_the_hole
     level = rotating(90.0, 20.0)
     level.record[0].lever[:] = 0.03, -0.02
     assert scale.floors(P, level.record[0])[0] > 2.0 * centred
+
+
+@pytest.mark.parametrize(("hertz", "least"), [(0.1, 0.2), (0.225, 0.45), (0.7, 0.05), (3.0, 0.0)])
+def test_a_displacement_outside_the_hole_never_shows_more_tilt_than_the_force_that_made_it(hertz, least):
+    state = rotating(90.0, 10.0)
+    s = state.record[0]
+    inside = scale.floors(P, s)[1]
+    # A sine of force with this amplitude, rad of tilt, after the three high-passes; mean squares.
+    tilt, swing = 1.0, 2.0 * math.pi * hertz * noise.SWING_TIME
+    passed = (swing / math.hypot(1.0, swing)) ** 3
+    s.motion.across = 0.5 * (tilt * P.gravity / (2.0 * math.pi * hertz) ** 2 * passed) ** 2
+    shown = scale.floors(P, s)[1] - inside
+    assert least * tilt**2 <= shown <= 0.5 * tilt**2
+    s.motion.white = s.motion.across
+    assert scale.floors(P, s)[1] == pytest.approx(inside)
 
 
 @pytest.mark.parametrize("found", [0.0, 0.5, 0.98])
