@@ -40,7 +40,7 @@ def ledger(limits):
 def test_the_tab_of_the_tool_shows_ranges_and_says_what_is_assumed(browser):
     with rig_on(browser) as rig:
         tab(browser, "tool")
-        wait(browser, lambda: "Nothing known" in (text(browser, "#tab-tool") or ""))
+        wait(browser, lambda: "Nothing is known" in (text(browser, "#tab-tool") or ""))
         rig.state.show(time.monotonic(), tool_health=ledger(LIMITS).health())
         rig.push()
         wait(browser, lambda: "±" in (text(browser, "#tool-battery") or ""))
