@@ -30,7 +30,7 @@ from mwd_sensors.core.frames import magnetic_toolface, mat_nt
 
 # Probability of a disturbance or of a wrong gyro above which the azimuth is doubtful.
 _DISTURBED = 0.5
-# Disturbances that turn the field across the tool axis, and with it the magnetic toolface.
+# Disturbances that change the direction of the field across the tool axis, so that the magnetic toolface is wrong too.
 _ACROSS = (Hypothesis.CROSS_AXIAL, Hypothesis.EXTERNAL, Hypothesis.SENSOR)
 # An attitude determines the azimuth if `QualitySettings.far_deg` is at least this many sigma of a healthy tool.
 _DETERMINED = 6.0
@@ -207,8 +207,9 @@ def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, set
     alignment = math.sqrt(float(station.alignment[1, 1]))
     risk, sound = finding.beyond(far, alignment), math.hypot(finding.nominal, alignment)
     if risk > quality.far_probability and _DETERMINED * sound > far:
-        # No magnetic tool determines the azimuth here. This alone does not reject the station; if there are other
-        # reasons, or if the magnetic toolface is probably wrong too, the verdict on the totals is used.
+        # At this attitude even a healthy tool could not determine the azimuth. This alone is no reason to reject the
+        # station. If there are other reasons, or if the magnetic toolface is probably wrong too, let the total field
+        # and the dip decide.
         across = sum(finding.hypotheses.get(kind, 0.0) for kind in _ACROSS)
         if azimuth.verdict != ACCEPT or across > _DISTURBED:
             _judge_totals(azimuth, station, settings)

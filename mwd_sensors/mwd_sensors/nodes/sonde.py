@@ -222,7 +222,7 @@ class SondeNode(GraphNode[SondeSettings]):
                 throttle_duration_sec=10.0,
             )
         # Simulate for a limited time, so that requests are answered even if the simulation is slow. Do not simulate
-        # while messages of earlier blocks are overdue: their number would grow as long as publishing is slow.
+        # while messages of earlier blocks are overdue: the backlog would grow as long as publishing is slow.
         enough = time.monotonic() + _CALL_S
         overdue = bool(self._pending) and self._pending[0][0] <= until
         while not (self._all_simulated or overdue) and self._simulated_until <= until:

@@ -160,7 +160,8 @@ def run(
     OSError
         The data set cannot be written.
     """
-    with _interrupts_into(queue.SimpleQueue()) as done:
+    done: queue.SimpleQueue[distributed.Future | None] = queue.SimpleQueue()
+    with _interrupts_into(done):
         (folder / "bags").mkdir(parents=True, exist_ok=True)
         text = config_text(estimator)
         place = str(folder.resolve())
@@ -185,19 +186,19 @@ def run(
 
 
 @contextlib.contextmanager
-def _interrupts_into(done: queue.SimpleQueue[distributed.Future | None]) -> Iterator[queue.SimpleQueue[Any]]:
+def _interrupts_into(done: queue.SimpleQueue[distributed.Future | None]) -> Iterator[None]:
     """
-    Put None into the queue when SIGINT arrives in this block.
+    While this block runs, let SIGINT put None into the queue instead of raising KeyboardInterrupt.
 
-    Python's own handler raises KeyboardInterrupt wherever the program is, and Dask's callback of the garbage collector
-    would swallow it.
+    Python's own handler raises the exception at any point of the program. Within a garbage collection, where Dask has a
+    callback, the exception would be ignored.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield done
+        yield
         return
     before = signal.signal(signal.SIGINT, lambda *_: done.put(None))
     try:
-        yield done
+        yield
     finally:
         signal.signal(signal.SIGINT, before)
 

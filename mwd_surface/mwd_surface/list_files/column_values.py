@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Numbers of the columns of a list in SI units.
+Conversion of the columns of a list to values in SI units.
 
-The decimal mark of a column comes from its cells, from the other columns, or from the range of the quantity. Its unit
-comes from its name, its cells, the head of the list, or the other columns. The caller's statements replace those of the
-file. If nothing decides, `ListFileError` asks; every assumption becomes a remark.
+The decimal mark of a column is found from its cells, else from the other columns, else from the range of the quantity;
+its unit from its name, else from its cells, the head of the list, or the other columns. What the caller states replaces
+what the file states. If none of these decides, `ListFileError` says what the caller has to state. Every assumption
+becomes a remark.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ from mwd_surface.list_files.list_columns import (
 )
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_head import Head, read_head
-from mwd_surface.list_files.list_rows import QUOTED, refuse_more_cells, station_rows
+from mwd_surface.list_files.list_rows import QUOTED, refuse_surplus_numbers, station_rows
 from mwd_surface.list_files.map_coordinates import offsets_from_wellhead
 from mwd_surface.list_files.p7_table import is_p7, p7_table
 from mwd_surface.list_files.provenance import Provenance, read_provenance
@@ -212,7 +212,7 @@ class _ListReader:
         needed = [self.of[what][0].number for what in ("md", "inclination", "dip", "azimuth") if what in self.of]
         self.rows, left_out = station_rows(self.name, table.rows, needed)
         self.remarks += left_out
-        refuse_more_cells(self.rows, len(table.names))
+        refuse_surplus_numbers(self.rows, len(table.names))
         self.values = ColumnValues(table, self.rows, self.of, head, given, self.remarks)
         self.columns = self._chosen()
 

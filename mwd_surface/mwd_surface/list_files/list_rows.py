@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Rows of a table that may be stations: not a note, a total, a footer, or a projection to the bit.
+Choice of the rows of a table that may be stations.
 
-Tables of stations end with sums, closures, signatures and projections, and notes stand between their rows. Such rows
-are left out, and one remark quotes them; a mistyped number stays, so that its reader refuses it.
+Tables of stations also have notes between the stations and, at the end, totals, closures, signatures and projections to
+the bit. Such rows are left out, and one remark quotes them. A row with a mistyped number is kept, so that the number is
+refused and the station does not disappear.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def station_rows(name: str, rows: Sequence[Row], needed: Sequence[int]) -> tuple
     """
     Return the rows that may be stations, and a remark that quotes the others, if there are any.
 
-    name: name of the list; needed: numbers of the columns of depth, angle and azimuth, the depth first.
+    name: name of the list; needed: indices of the columns of depth, inclination or dip, and azimuth, in this order.
     """
     depth = needed[0]
     kept: list[Row] = []
@@ -99,8 +100,8 @@ def station_rows(name: str, rows: Sequence[Row], needed: Sequence[int]) -> tuple
     return kept, (Remark(RemarkKind.ROWS_LEFT_OUT, text, {"rows": float(len(notes))}),)
 
 
-def refuse_more_cells(rows: Sequence[Row], width: int) -> None:
-    """Raise ListFileError for a row with numbers after its first `width` cells, which then do not match the names."""
+def refuse_surplus_numbers(rows: Sequence[Row], width: int) -> None:
+    """Raise ListFileError if a row has numbers beyond its first `width` cells: the names do not match the row."""
     for row in rows:
         if any(number_cells.looks_like_number(cell) for cell in row.cells[width:]):
             raise ListFileError(

@@ -180,10 +180,11 @@ def floors(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
 @compiled
 def _outside(p: BoundedParams, s: BoundedRecord) -> float:
     """
-    Return the variance of the tilt that a displacement outside the hole shows, equation (21), rad^2.
+    Return the variance of the tilt error that follows from a displacement larger than the hole allows, rad^2.
 
-    A tool cannot move across its hole by more than its clearance. A larger displacement, unless it comes from white
-    force (6), is gravity on a wrong roll, or a force that point samples alias.
+    Equation (21). A tool cannot move across its hole by more than its clearance. If the estimated displacement is
+    larger and white force (6) does not explain it, gravity was rotated by a wrong roll, or point samples aliased a
+    force.
     """
     beyond = max(s.motion.across - s.motion.white - CLEARANCE**2, 0.0)
     return beyond * (LEAST_PULL / p.gravity) ** 2
