@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import errno
+import importlib
 import io
 import os
 import sys
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 # Print the help of commands without rich, the library that draws frames: importing it takes longer than all the rest.
@@ -16,58 +18,110 @@ from typer.core import TyperGroup
 
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.linear_algebra import use_one_thread
-from mwd_surface.commands import downlink, memory
-from mwd_surface.commands.assembly import sag, spacing
-from mwd_surface.commands.bag import bag, recover
-from mwd_surface.commands.batch import batch
-from mwd_surface.commands.bundle import bundle
-from mwd_surface.commands.calibrate import calibrate
-from mwd_surface.commands.clearance import clearance
-from mwd_surface.commands.compare import compare
-from mwd_surface.commands.decode import decode
-from mwd_surface.commands.doctor import doctor
-from mwd_surface.commands.emulate import emulate
-from mwd_surface.commands.export import export, report
-from mwd_surface.commands.finalize import finalize
-from mwd_surface.commands.forecast import forecast
-from mwd_surface.commands.graph import call, param, topic
-from mwd_surface.commands.help_text import with_spoken_help
-from mwd_surface.commands.inspect import inspect
-from mwd_surface.commands.listen import listen
-from mwd_surface.commands.log import log
-from mwd_surface.commands.node import PASS_ON, node
-from mwd_surface.commands.path import path
-from mwd_surface.commands.plot import plot
-from mwd_surface.commands.process import process
-from mwd_surface.commands.replay import replay
-from mwd_surface.commands.rig import rig
-from mwd_surface.commands.run import run
-from mwd_surface.commands.scenario import scenario, simulate
-from mwd_surface.commands.security import security
+from mwd_surface.commands.help_text import SpokenContext, summary, with_spoken_help
 from mwd_surface.commands.speech import choose, say
-from mwd_surface.commands.survey import survey
 from mwd_surface.commands.terminal import PrintableStream
-from mwd_surface.commands.tool import tool
-from mwd_surface.commands.tools import tools
-from mwd_surface.commands.trajectory import trajectory
-from mwd_surface.commands.version import version
-from mwd_surface.commands.view import view
+
+# Panels of the help with their commands, in order. A command is the function, or group of functions, of its name in
+# the module of the same name, unless `_MODULES` names another module.
+PANELS = {
+    "Live": ("run", "replay", "node", "emulate", "call", "downlink", "param", "topic", "rig"),
+    "Recordings": (
+        "inspect",
+        "process",
+        "log",
+        "batch",
+        "compare",
+        "survey",
+        "path",
+        "trajectory",
+        "clearance",
+        "forecast",
+        "export",
+        "report",
+        "finalize",
+        "simulate",
+        "decode",
+        "view",
+        "listen",
+        "plot",
+        "calibrate",
+        "recover",
+        "memory",
+        "bag",
+        "tool",
+        "scenario",
+    ),
+    "Planning": ("tools", "sag", "spacing"),
+    "This machine": ("doctor", "security", "version", "bundle"),
+}
+_MODULES = {
+    "call": "graph",
+    "param": "graph",
+    "topic": "graph",
+    "report": "export",
+    "simulate": "scenario",
+    "recover": "bag",
+    "sag": "assembly",
+    "spacing": "assembly",
+}
+# Commands that accept arguments for ROS, which they pass on.
+_PASSING = ("replay", "node")
+
+
+class _Commands(Mapping[str, Any]):
+    """Commands by name. The module of a command is imported, and the command is made, when it is first needed."""
+
+    def __init__(self) -> None:
+        self._names = [name for names in PANELS.values() for name in names]
+        self._made: dict[str, Any] = {}
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names in the order of the help."""
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        """Return the number of commands."""
+        return len(self._names)
+
+    def __getitem__(self, name: str) -> Any:
+        """Return the command of a name."""
+        if name not in self._made:
+            one = self.source(name)
+            if isinstance(one, typer.Typer):
+                command: Any = typer.main.get_group(one)
+            else:
+                alone = typer.Typer(add_completion=False)
+                passes = name in _PASSING
+                alone.command(context_settings={"allow_extra_args": passes, "ignore_unknown_options": passes})(one)
+                command = typer.main.get_command(alone)
+            command.name = name
+            self._made[name] = with_spoken_help(command)
+        return self._made[name]
+
+    def source(self, name: str) -> Any:
+        """Return the function or the group of a command."""
+        if name not in self._names:
+            raise KeyError(name)
+        return getattr(importlib.import_module(f"mwd_surface.commands.{_MODULES.get(name, name)}"), name)
 
 
 class _Panels(TyperGroup):
-    """Group whose help lists the commands by panel."""
+    """Group of all commands; its help lists them by panel."""
+
+    context_class = SpokenContext
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands: Any = _Commands()
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
-        """Write one section for each panel, in the order of their first commands."""
-        panels: dict[str, list[tuple[str, str]]] = {}
+        """Write one section for each panel."""
         # Two spaces before each name, and two after the longest name.
         limit = formatter.width - 6 - max(map(len, self.commands))
-        for name, command in self.commands.items():
-            panel = getattr(command, "rich_help_panel", "")
-            panels.setdefault(panel, []).append((name, command.get_short_help_str(limit)))
-        for panel, rows in panels.items():
+        for panel, names in PANELS.items():
             with formatter.section(panel):
-                formatter.write_dl(rows)
+                formatter.write_dl([(name, summary(self.commands.source(name), limit)) for name in names])
 
 
 app = typer.Typer(
@@ -82,6 +136,8 @@ app = typer.Typer(
 
 def _versions(wanted: bool) -> None:
     if wanted:
+        from mwd_surface.commands.version import version
+
         version()
         raise typer.Exit
 
@@ -110,48 +166,6 @@ def _top(
 ) -> None:
     """Options of `mwd` itself."""
 
-
-_LIVE, _RECORDINGS, _PLANNING, _MACHINE = "Live", "Recordings", "Planning", "This machine"
-app.command(rich_help_panel=_LIVE)(run)
-app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(replay)
-app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(node)
-app.command(rich_help_panel=_LIVE)(emulate)
-app.add_typer(downlink.app, name="downlink", rich_help_panel=_LIVE)
-app.command(rich_help_panel=_RECORDINGS)(inspect)
-app.command(rich_help_panel=_RECORDINGS)(process)
-app.command(rich_help_panel=_RECORDINGS)(log)
-app.add_typer(memory.app, name="memory", rich_help_panel=_RECORDINGS)
-app.command(rich_help_panel=_RECORDINGS)(batch)
-app.command(rich_help_panel=_RECORDINGS)(compare)
-app.command(rich_help_panel=_RECORDINGS)(survey)
-app.command(rich_help_panel=_RECORDINGS)(path)
-app.command(rich_help_panel=_RECORDINGS)(trajectory)
-app.command(rich_help_panel=_RECORDINGS)(clearance)
-app.command(rich_help_panel=_RECORDINGS)(forecast)
-app.command(rich_help_panel=_RECORDINGS)(export)
-app.command(rich_help_panel=_RECORDINGS)(report)
-app.command(rich_help_panel=_RECORDINGS)(finalize)
-app.command(rich_help_panel=_RECORDINGS)(simulate)
-app.command(rich_help_panel=_RECORDINGS)(decode)
-app.command(rich_help_panel=_RECORDINGS)(view)
-app.command(rich_help_panel=_RECORDINGS)(listen)
-app.command(rich_help_panel=_RECORDINGS)(plot)
-app.command(rich_help_panel=_RECORDINGS)(calibrate)
-app.command(rich_help_panel=_RECORDINGS)(recover)
-app.command(rich_help_panel=_LIVE)(call)
-app.add_typer(param, name="param", rich_help_panel=_LIVE)
-app.add_typer(topic, name="topic", rich_help_panel=_LIVE)
-app.add_typer(rig, name="rig", rich_help_panel=_LIVE)
-app.add_typer(bag, name="bag", rich_help_panel=_RECORDINGS)
-app.add_typer(tool, name="tool", rich_help_panel=_RECORDINGS)
-app.add_typer(scenario, name="scenario", rich_help_panel=_RECORDINGS)
-app.command(rich_help_panel=_PLANNING)(tools)
-app.command(rich_help_panel=_PLANNING)(sag)
-app.command(rich_help_panel=_PLANNING)(spacing)
-app.command(rich_help_panel=_MACHINE)(doctor)
-app.command(rich_help_panel=_MACHINE)(security)
-app.command(rich_help_panel=_MACHINE)(version)
-app.command(rich_help_panel=_MACHINE)(bundle)
 
 # Base class of the errors of click, which reads the arguments; newer versions of typer include their own click.
 _ClickError: Any = typer.BadParameter.__mro__[2]
@@ -202,12 +216,12 @@ def _run() -> None:
 
     The library that reads the arguments writes its messages in English; they are translated as all other texts are.
     """
-    # The language is needed before the tree of the commands is made, because it has their help.
+    # The language is needed before the commands are made, because they have their help.
     given = next((pair[1] for pair in zip(sys.argv[1:], sys.argv[2:], strict=False) if pair[0] == "--language"), None)
     given = next((one.partition("=")[2] for one in sys.argv[1:] if one.startswith("--language=")), given)
     if given is not None:
         choose(given)
-    command = with_spoken_help(typer.main.get_command(app))
+    command = typer.main.get_command(app)
     try:
         status = command(prog_name="mwd", standalone_mode=False)
     except _ClickError as error:

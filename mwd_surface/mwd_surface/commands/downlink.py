@@ -13,7 +13,7 @@ from mwd_surface.commands.speech import say
 if TYPE_CHECKING:
     from mwd_surface.ros.graph_client import GraphClient
 
-app = typer.Typer(
+downlink = typer.Typer(
     no_args_is_help=True,
     help="Send commands to the tool in the hole by changes of flow or rotation, through the running nodes.",
 )
@@ -29,7 +29,7 @@ _ENDED = _STATES[7:]  # states in which a command has ended
 _LISTEN_S = 3.0  # longest wait for a state before the graph is asked again, s
 
 
-@app.command("send")
+@downlink.command("send")
 def send(
     command: Annotated[
         str, typer.Argument(help="Command: sequence, pulse_width, carrier, toolface_rate, survey_now or mute.")
@@ -59,28 +59,28 @@ def send(
         _call(client, "decide_downlink", {"decision": _SUBMIT, "operator_name": name})
 
 
-@app.command("grant")
+@downlink.command("grant")
 def grant(number: Number, name: Name = "", domain: Domain = None) -> None:
     """Grant the pending request; the command starts as soon as all interlocks allow it."""
     with visit(domain) as client:
         _call(client, "decide_downlink", {"decision": _GRANT, "operator_name": name, "number": number})
 
 
-@app.command("deny")
+@downlink.command("deny")
 def deny(number: Number, name: Name = "", domain: Domain = None) -> None:
     """Deny the pending request."""
     with visit(domain) as client:
         _call(client, "decide_downlink", {"decision": _DENY, "operator_name": name, "number": number})
 
 
-@app.command("abort")
+@downlink.command("abort")
 def abort(name: Name = "", domain: Domain = None) -> None:
     """Abort the present command; flow and rotation return to the driller's values."""
     with visit(domain) as client:
         _call(client, "decide_downlink", {"decision": _ABORT, "operator_name": name})
 
 
-@app.command("state")
+@downlink.command("state")
 def state(domain: Domain = None) -> None:
     """Show the present command: its state, the reason, and the conditions that still prevent its start."""
     with visit(domain) as client:
@@ -90,7 +90,7 @@ def state(domain: Domain = None) -> None:
             typer.echo(say(f"  waits because {text}"))
 
 
-@app.command("watch")
+@downlink.command("watch")
 def watch(
     seconds: Annotated[float, typer.Option(help="Time after which the command ends, s.")] = float("inf"),
     domain: Domain = None,

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import inspect
 import re
+import textwrap
 import unicodedata
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import typer
+from typer.core import TyperGroup
 
 from mwd_surface.commands.speech import say, spoken
 
@@ -25,6 +27,7 @@ _CLOSING = "。，、；：）！？」…"
 # Description of an option, and the default, range or "required" that typer appends in brackets.
 _EXTRA = re.compile(r"(.*?)\s*\[((?:default: |required|env var: |x[<>]|[^\[\]]*<=?x)[^\[\]]*)\]", re.DOTALL)
 _SHORTEST = 20  # smallest width of the column of descriptions
+_LONGEST = 64  # largest width of the description of a command in a list
 
 
 def width_of(text: str) -> int:
@@ -116,21 +119,31 @@ def _meaning(text: str) -> str:
     return f"{say(match[1])}  [{'；'.join(extra)}]".strip()
 
 
-def with_spoken_help(command: Any, most: int = 64) -> Any:
+class SpokenContext(TyperGroup.context_class):  # type: ignore[misc, valid-type]
+    """Context of a command whose help page is in the chosen language."""
+
+    formatter_class = SpokenHelp
+
+
+def summary(source: Any, limit: int) -> str:
     """
-    Return a command and its subcommands with help in the chosen language.
+    Return the description of a command for a list of commands, in the chosen language.
 
-    most: largest width of the description of a subcommand in the list, columns.
+    source: function or group of the command; limit: largest width of an English description, columns. A translated
+    description is wrapped by `SpokenHelp`.
     """
+    described: Any = source.info.help if isinstance(source, typer.Typer) else source.__doc__
+    text = next(paragraphs(described))[0]
+    if spoken().entries:
+        return cut(say(text), _LONGEST)
+    return textwrap.shorten(re.split(r"(?<=\.)\s", text)[0], limit, placeholder="...")
 
-    class Context(command.context_class):  # type: ignore[misc]
-        """Context whose help page is in the chosen language."""
 
-        formatter_class = SpokenHelp
-
-    command.context_class = Context
+def with_spoken_help(command: Any) -> Any:
+    """Return a command and its subcommands with help in the chosen language."""
+    command.context_class = SpokenContext
     if spoken().entries and command.help:
-        command.short_help = cut(say(next(paragraphs(command.help))[0]), most)
+        command.short_help = cut(say(next(paragraphs(command.help))[0]), _LONGEST)
     for below in getattr(command, "commands", {}).values():
-        with_spoken_help(below, most)
+        with_spoken_help(below)
     return command

@@ -9,13 +9,13 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(
+memory = typer.Typer(
     help="Use the data in the tool's memory: fill the gaps of the real-time log, and revise the surveys.",
     no_args_is_help=True,
 )
 
 
-@app.command()
+@memory.command()
 def dump(
     recording: Annotated[Path, typer.Argument(help="Recording of the sensors, such as `mwd simulate` writes.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the dump to write.")],
@@ -54,7 +54,7 @@ def dump(
     )
 
 
-@app.command()
+@memory.command()
 def merge(
     run: Annotated[Path, typer.Argument(help="Recording of the run, with rig data and the real-time log.")],
     memory: Annotated[Path, typer.Argument(help="Dump of the tool's memory.")],

@@ -32,8 +32,6 @@ MODULES = {
     Node.WELL: "mwd_surface.nodes.well",
 }
 _ROS_PACKAGES = ("rclpy", "mwd_msgs", "rcl_interfaces", "sensor_msgs", "rosgraph_msgs", "std_srvs", "tf2_msgs")
-# Settings of a typer command that accepts arguments for ROS, which the command passes on.
-PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True}
 
 
 def node(
