@@ -45,9 +45,10 @@ _MOST_SECTORS, _MOST_CHANNELS = 64, 64  # largest number of sectors of a sample,
 _FARTHEST_M = 100.0  # largest distance of a sensor from the bit, m
 _LARGEST = 1e12  # largest absolute value of a sample in its unit; its square and the sums over a well stay finite
 _UNIT = re.compile(r"[A-Za-z0-9/^*%.° -]{0,16}")
-# If a sample is late by at most _LATE_NS, ns, all samples are placed again in order of time. At most _MOST_KEPT samples
-# are kept for this: three days with four channels that send a sample every 10 s.
-_LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 100_000
+# A sample that is late by at most _LATE_NS, ns, is placed in order of time: the later samples of its channel are taken
+# back and placed again. At most _MOST_KEPT samples of a channel can be taken back: 17 minutes with one each second.
+_LATE_NS, _MOST_KEPT = 600 * NANOSECONDS, 1000
+_NEVER_NS = -(2**63)  # time before all stamps, ns
 _SILENT_NS = 120 * NANOSECONDS  # time without a sample after which a channel has stopped, ns; a link may need a minute
 _MOST_LEFT = 8  # largest number of earlier depths to which the depth of the rig may return
 _MOST_WAITING = 20_000  # largest number of samples that wait for a depth: half a day with four channels as above
@@ -129,15 +130,16 @@ class _Sums:
         self._none = np.zeros(_CHUNK, dtype=[*numbers, *by_sector, *whole])
         self._chunks: dict[int, Samples] = {}
 
-    def add(self, index: int, sample: LogSample, share: float) -> None:
+    def add(self, index: int, sample: LogSample, share: float) -> Samples:
         """
-        Add a sample to a step.
+        Add a sample to a step; return the sums of the step before, for `restore`.
 
         share: part of the sample in this step, 0 to 1. Call this once for each step of a sample.
         """
         number, place = divmod(index, _CHUNK)
         if number not in self._chunks:
             self._chunks[number] = self._none.copy()
+        before = self._chunks[number][place : place + 1].copy()
         step = self._chunks[number][place]
         step["seen"] = True
         # A value without a duration, from a word of a link, has the weight of one second.
@@ -163,6 +165,14 @@ class _Sums:
                 step["sector_variance"][known] += errors**2
             else:
                 step["sector_common"][known] += errors
+        return before
+
+    def restore(self, index: int, before: Samples) -> None:
+        """Restore the sums of a step from before a sample; without another sample the step is left out again."""
+        number, place = divmod(index, _CHUNK)
+        self._chunks[number][place : place + 1] = before
+        if not self._chunks[number]["seen"].any():
+            del self._chunks[number]
 
     def steps(self, most: int | None = None) -> tuple[int, Samples]:
         """
@@ -186,16 +196,53 @@ class _Sums:
         return np.concatenate([np.zeros(0), *parts])
 
 
+@dataclasses.dataclass
+class _ChannelState:
+    """State of a channel, apart from its sums."""
+
+    deepest: float = -math.inf  #: deepest depth of the sensor, m
+    offset: float = 0.0  #: distance of the sensor from the bit, m
+    newest: Newest | None = None  #: value that was placed last
+    newest_ns: int = _NEVER_NS  #: newest stamp, ns
+    unplaced: int = 0  #: number of samples without a depth
+
+
+class _Placed(NamedTuple):
+    """A placed sample, the state of its channel before it, and the sums of each step, by pass and index, before it."""
+
+    sample: LogSample
+    state: _ChannelState
+    sums: list[tuple[str, int, Samples]]
+
+
 class _DepthChannel:
-    """One channel: its sums by logging pass, and the deepest depth of its sensor."""
+    """
+    One channel: its state, its sums by logging pass, and its recent samples, which a late sample may follow.
+
+    recent: samples that can be taken back, in order of time. final_ns: stamp of the newest sample that cannot, ns.
+    """
 
     def __init__(self, sample: LogSample) -> None:
         self.unit, self.sectors = sample.unit, len(sample.sectors)
-        self.deepest = -math.inf
-        self.offset = 0.0
-        self.newest: Newest | None = None
-        self.newest_ns = -(2**63)
+        self.state = _ChannelState()
         self.passes = {name: _Sums(self.sectors) for name in PASSES}
+        self.recent: collections.deque[_Placed] = collections.deque()
+        self.final_ns = _NEVER_NS
+
+    def take_back(self, after_ns: int) -> list[LogSample]:
+        """Take back the samples after a time, ns; return them, the newest first."""
+        taken = []
+        while self.recent and self.recent[-1].sample.stamp_ns > after_ns:
+            sample, self.state, sums = self.recent.pop()
+            for name, index, before in reversed(sums):
+                self.passes[name].restore(index, before)
+            taken.append(sample)
+        return taken
+
+    def make_final(self, before_ns: int) -> None:
+        """Make the samples final that begin before a time, ns, and the oldest ones if there are too many."""
+        while self.recent and (len(self.recent) > _MOST_KEPT or _begin_ns(self.recent[0].sample) < before_ns):
+            self.final_ns = self.recent.popleft().sample.stamp_ns
 
 
 class _DepthBeforeJump(NamedTuple):
@@ -227,7 +274,7 @@ class DepthLog:
         Depth step.
     history : int or None
         Number of bit depths that are kept, one per second; None keeps all. After the first depths were dropped, a late
-        sample is placed as it arrives, and the other samples are not placed again.
+        sample from the time of these depths is placed as it arrives.
     rules : DepthJumpRules, optional
         Steps of the depth that a string can make.
 
@@ -235,8 +282,6 @@ class DepthLog:
     ----------
     version : int
         Increases with every change.
-    unplaced : dict of str to int
-        Number of samples without a depth, by channel: there is no bit depth within half a minute of their time.
     unusable : dict of str to int
         Number of samples and depths left out because they contradict themselves or the limits of a log, by reason.
     disordered : int
@@ -273,13 +318,12 @@ class DepthLog:
         self.disordered = 0
         self._waiting: list[tuple[int, int, LogSample]] = []  # heap, ordered by end of the sample, ns, and by arrival
         self._arrivals = itertools.count()
-        # All placed samples, to place them again in order after a late sample; None if there were too many to keep.
-        self._placed: list[LogSample] | None = []
-        self._begin_anew()
-
-    def _begin_anew(self) -> None:
-        self.unplaced: dict[str, int] = {}
         self._channels: dict[str, _DepthChannel] = {}
+
+    @property
+    def unplaced(self) -> dict[str, int]:
+        """Number of samples without a depth, by channel: no bit depth is within half a minute of their time."""
+        return {name: found.state.unplaced for name, found in self._channels.items() if found.state.unplaced}
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -288,7 +332,7 @@ class DepthLog:
 
     def newest(self) -> dict[str, Newest]:
         """Return the newest value of each channel that has a depth."""
-        return {name: found.newest for name, found in self._channels.items() if found.newest is not None}
+        return {name: found.state.newest for name, found in self._channels.items() if found.state.newest is not None}
 
     def add_depth(self, stamp_ns: int, bit_depth: float) -> None:
         """
@@ -319,7 +363,8 @@ class DepthLog:
         if self._history is not None and len(self._stamps) > self._history:
             for column in (self._stamps, self._bits, self._bottoms):
                 del column[: max(1, self._history // 4)]
-            self._placed = None
+            for channel in self._channels.values():
+                channel.make_final(self._stamps[0])
 
     def _adjust_bottom(self, stamp_ns: int, bit_depth: float) -> None:
         """
@@ -393,34 +438,41 @@ class DepthLog:
         self._place_in_order(ready)
 
     def _place_in_order(self, samples: Sequence[LogSample]) -> None:
-        """Place samples in order of time; if one is older than a placed sample of its channel, place all again."""
-        samples = sorted(samples, key=_order)
-        known = [(self._channels[one.channel], one) for one in samples if one.channel in self._channels]
-        behind = [channel.newest_ns - one.stamp_ns for channel, one in known]
-        if self._placed is not None:
-            self._placed += samples
-            if len(self._placed) > _MOST_KEPT:
-                self._placed = None
-        # A sample that is late by more than _LATE_NS comes from a clock that was set back: place it as it arrives.
-        if self._placed is not None and any(0 < late <= _LATE_NS for late in behind):
-            self._placed.sort(key=_order)
-            self._begin_anew()
-            samples = self._placed
-        else:
-            self.disordered += sum(late > 0 for late in behind)
-        for sample in samples:
-            self._place(sample)
+        """Place samples in order of time, also before samples of their channel that were placed earlier."""
+        of_channel: dict[str, list[LogSample]] = {}
+        for sample in sorted(filter(_has_value, samples), key=_order):
+            of_channel.setdefault(sample.channel, []).append(sample)
+        for name, arrived in of_channel.items():
+            if name not in self._channels:
+                self._channels[name] = _DepthChannel(arrived[0])
+            channel = self._channels[name]
+            # A sample that is later than this comes from a clock that was set back: place it as it arrives.
+            oldest_ns = max(channel.final_ns, channel.state.newest_ns - _LATE_NS)
+            late = [sample for sample in arrived if sample.stamp_ns < oldest_ns]
+            in_order = arrived[len(late) :]
+            if in_order:
+                in_order = sorted([*reversed(channel.take_back(in_order[0].stamp_ns)), *in_order], key=_order)
+            if late:
+                self.disordered += len(late)
+                for sample in late:
+                    self._place(channel, sample)
+                channel.recent.clear()
+                channel.final_ns = channel.state.newest_ns
+            elif not channel.recent and channel.final_ns == _NEVER_NS:
+                # The first sample in time determines the number of sectors.
+                channel = self._channels[name] = _DepthChannel(in_order[0])
+            for sample in in_order:
+                self._place(channel, sample)
+            channel.make_final(channel.state.newest_ns - _LATE_NS)
         self.version += bool(samples)
 
-    def _place(self, sample: LogSample) -> None:
-        if sample.unit == FLAGS or not any(map(math.isfinite, (sample.value, *sample.sectors))):
-            return
-        channel = self._channels.setdefault(sample.channel, _DepthChannel(sample))
-        channel.newest_ns = max(channel.newest_ns, sample.stamp_ns)
+    def _place(self, channel: _DepthChannel, sample: LogSample) -> None:
+        before = channel.state
+        state = channel.state = dataclasses.replace(before, newest_ns=max(before.newest_ns, sample.stamp_ns))
         offset = self.sensor_to_bit if math.isnan(sample.sensor_to_bit) else sample.sensor_to_bit
-        channel.offset = offset
+        state.offset = offset
         count = max(1, round(sample.span / _STEP_S))
-        begin_ns, step_ns = _end_ns(sample) - round(sample.span * NANOSECONDS), sample.span * NANOSECONDS / count
+        begin_ns, step_ns = _begin_ns(sample), sample.span * NANOSECONDS / count
         shares: dict[tuple[str, int], int] = {}
         for k in range(count):
             at = self._bit(begin_ns + round((k + 0.5) * step_ns))
@@ -430,23 +482,25 @@ class DepthLog:
             depth = bit - offset
             passes = [ALL]
             # A deepest depth below the bottom of the hole was wrong.
-            if depth >= min(channel.deepest, bottom - offset) - _ON_BOTTOM_M:
+            if depth >= min(state.deepest, bottom - offset) - _ON_BOTTOM_M:
                 passes.append(FIRST)
             if bit >= bottom - _ON_BOTTOM_M:
                 passes.append(DEEPEST)
-            channel.deepest = max(channel.deepest, depth)
+            state.deepest = max(state.deepest, depth)
             index = math.floor(depth / self.step_m + 1e-9)
             for which in passes:
                 shares[which, index] = shares.get((which, index), 0) + 1
         middle = self._bit(sample.stamp_ns)
         if middle is not None and math.isfinite(sample.value):
-            channel.newest = Newest(
+            state.newest = Newest(
                 sample.value, sample.sigma, sample.stamp_ns, middle[0] - offset, sample.unit, sample.quality
             )
-        for (which, index), steps in shares.items():
-            channel.passes[which].add(index, sample, steps / count)
-        if not shares:
-            self.unplaced[sample.channel] = self.unplaced.get(sample.channel, 0) + 1
+        sums = [
+            (which, index, channel.passes[which].add(index, sample, steps / count))
+            for (which, index), steps in shares.items()
+        ]
+        state.unplaced += not sums
+        channel.recent.append(_Placed(sample, before, sums))
 
     def _bit(self, stamp_ns: int) -> tuple[float, float] | None:
         """
@@ -510,8 +564,8 @@ class DepthLog:
             return ()
         before = np.flatnonzero(np.diff(filled) > 1.0)
         gaps = [(float(filled[k] + 1.0) * self.step_m, float(filled[k + 1]) * self.step_m) for k in before]
-        last, reached = float(filled[-1] + 1.0) * self.step_m, self._bottom - channel.offset
-        silent_ns = self._stamps[-1] - channel.newest_ns
+        last, reached = float(filled[-1] + 1.0) * self.step_m, self._bottom - channel.state.offset
+        silent_ns = self._stamps[-1] - channel.state.newest_ns
         if silent_ns > _SILENT_NS and reached - last > self.step_m:
             gaps.append((last, reached))
         return tuple(gaps)
@@ -624,8 +678,16 @@ _LIMITS: dict[str, Callable[[LogSample], bool]] = {
 }
 
 
+def _has_value(sample: LogSample) -> bool:
+    return sample.unit != FLAGS and any(map(math.isfinite, (sample.value, *sample.sectors)))
+
+
 def _end_ns(sample: LogSample) -> int:
     return sample.stamp_ns + round(0.5 * sample.span * NANOSECONDS)
+
+
+def _begin_ns(sample: LogSample) -> int:
+    return _end_ns(sample) - round(sample.span * NANOSECONDS)
 
 
 def _order(sample: LogSample) -> tuple[int, str]:

@@ -56,19 +56,17 @@ def ream(at):
 
 
 def memory_of(hours, depth_of, history=600):
-    """Bytes of a log of one channel without sectors, without the samples that are kept for late ones."""
+    """Bytes of a log of one channel without sectors."""
     log = DepthLog(history=history)
     for at in range(0, 3600 * hours, 5):
         log.add_depth(T0 + at * S, depth_of(at))
         if at % 10 == 0:
             log.add([sample(at)])
-    assert log._placed is None
     return len(pickle.dumps(log))
 
 
 @pytest.mark.fault_case(70)
-def test_memory_follows_the_length_of_the_hole_and_not_the_time(monkeypatch):
-    monkeypatch.setattr(depth_log, "_MOST_KEPT", 100)
+def test_memory_follows_the_length_of_the_hole_and_not_the_time():
     reamed = [memory_of(hours, lambda at: 1000.0 + 10.0 * abs(math.sin(at / 100.0))) for hours in (2, 4)]
     # The depths over time are dropped by quarters.
     assert reamed[1] == pytest.approx(reamed[0], rel=0.05)
@@ -472,16 +470,34 @@ def test_files_of_a_log_without_a_pass_and_of_a_well_with_a_strange_name_are_rea
         assert len(rows) == 1 + len(las["DEPT"])
 
 
+def placements(monkeypatch, log, stamps):
+    """Number of times that a sample is placed while samples with these stamps, s, arrive."""
+    placed, place = [], log._place
+    monkeypatch.setattr(log, "_place", lambda channel, one: placed.append(place(channel, one)))
+    for at in stamps:
+        log.add([sample(float(at))])
+    return len(placed)
+
+
 def test_a_clock_that_was_set_back_costs_no_more_than_any_other(monkeypatch):
     log = DepthLog()
     for at in range(5001):
         log.add_depth(T0 + at * S, 1000.0)
     log.add([sample(4990.0)])
-    placed = []
-    monkeypatch.setattr(log, "_place", placed.append)
-    for at in range(100, 2000, 10):
-        log.add([sample(float(at))])
-    assert len(placed) == 190
+    assert placements(monkeypatch, log, range(100, 4980, 10)) == 488
+
+
+def test_a_late_sample_costs_the_same_in_a_long_log_as_in_a_short_one(monkeypatch):
+    costs = []
+    for hours in (1, 3):
+        log = DepthLog()
+        for at in range(3600 * hours + 1):
+            log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+        log.add(sample(float(at)) for at in range(10, 3600 * hours, 10) if at % 50)
+        end = 3600 * hours // 50 * 50
+        costs.append(placements(monkeypatch, log, range(end - 500, end, 50)))
+        assert not log.disordered
+    assert costs[0] == costs[1]
 
 
 def test_a_log_without_depths_keeps_the_newest_samples_and_counts_the_others(monkeypatch):
@@ -514,24 +530,24 @@ def test_a_log_with_a_short_history_of_depths_is_that_with_all():
     assert (short.unplaced, short.disordered) == ({"gamma": 1}, 1)
 
 
-@pytest.mark.parametrize("most", [100, 1000])
-def test_a_long_log_drops_the_samples_it_has_placed_and_counts_those_it_cannot_put_in_order(monkeypatch, most):
-    """No sample is lost; one that comes late is put in order only while all samples are kept."""
+@pytest.mark.parametrize(("most", "late", "disordered"), [(1000, 1, 0), (1000, 60, 0), (1000, 61, 1), (20, 30, 1)])
+def test_a_log_keeps_only_the_samples_that_a_late_one_may_precede(monkeypatch, most, late, disordered):
+    """No sample is lost; one that comes too late to be put in order is counted."""
     monkeypatch.setattr(depth_log, "_MOST_KEPT", most)
     log = DepthLog()
     for at in range(5001):
         log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
     order = list(range(500))
-    order[300], order[301] = order[301], order[300]
+    order.insert(300 + late, order.pop(300))
     held = []
     for k in order:
         one = sample(10.0 * k + 5.0)
         log.add([one])
         held.append(weakref.ref(one))
     assert np.nansum(log.curve("gamma", ALL).counts) == pytest.approx(500 * 533.0)
-    assert log.disordered == (1 if most == 100 else 0)
+    assert log.disordered == disordered
     del one
-    assert sum(reference() is not None for reference in held) <= (0 if most == 100 else 500)
+    assert sum(reference() is not None for reference in held) <= min(most, 61)
 
 
 def test_the_deepest_part_alone_is_the_end_of_the_whole():
