@@ -17,7 +17,7 @@ import scipy
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
-from mwd_surface.receiver.whitening import prediction_error_filter
+from mwd_surface.receiver.whitening import median, prediction_error_filter
 
 # Power over the spectral floor above which a line is subtracted. Weaker lines are left to the noise model, which
 # handles them better: with pulses of 0.3 s the lines lie within the spectrum of the pulses, and a lower limit lost
@@ -73,7 +73,7 @@ def line_frequencies(
     if count < 3:
         return np.zeros(0)
     power = np.abs(np.fft.rfft((step - step.mean()) * _window(len(step)), whole)) ** 2
-    floors = np.median(power[: count * _NEIGHBOURHOOD].reshape(count, _NEIGHBOURHOOD), axis=1)
+    floors = np.array([median(one) for one in power[: count * _NEIGHBOURHOOD].reshape(count, _NEIGHBOURHOOD)])
     at = (np.arange(count) + 0.5) * _NEIGHBOURHOOD
     floor = np.interp(np.arange(len(power)), at, floors)
     inner = power[2:-2]
@@ -134,19 +134,21 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
         in_phase[b], across[b], weight[b] = c, s, w
     sigma = memory / _BLOCK
     reach = int(3.0 * sigma)
-    falls = np.exp(-0.5 * (np.arange(reach + 1) / sigma) ** 2)
-    smooth_c, smooth_s = np.zeros(count), np.zeros(count)
+    falls = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    smooth_c, smooth_s, total = np.zeros(count), np.zeros(count), np.zeros(count)
+    for j in range(count):
+        # Views that start at 0 let the compiler work on several blocks at once.
+        near = slice(max(j - reach, 0), min(j + reach + 1, count))
+        near_c, near_s, near_total, g = smooth_c[near], smooth_s[near], total[near], falls[reach + near.start - j :]
+        for b in range(len(near_c)):
+            near_c[b] += g[b] * in_phase[j]
+            near_s[b] += g[b] * across[j]
+            near_total[b] += g[b] * weight[j]
     line = raw = 0.0
     for b in range(count):
-        total = 0.0
-        for j in range(max(b - reach, 0), min(b + reach + 1, count)):
-            g = falls[abs(j - b)]
-            smooth_c[b] += g * in_phase[j]
-            smooth_s[b] += g * across[j]
-            total += g * weight[j]
-        if total > 0.0:
-            smooth_c[b] /= total
-            smooth_s[b] /= total
+        if total[b] > 0.0:
+            smooth_c[b] /= total[b]
+            smooth_s[b] /= total[b]
         line += weight[b] * (smooth_c[b] ** 2 + smooth_s[b] ** 2)
         raw += (in_phase[b] ** 2 + across[b] ** 2) / max(weight[b], 1.0)
     # The average of noise alone has a share of 1 / (2 sqrt(pi) sigma) of the power of the noise.
@@ -226,8 +228,9 @@ def _subtract_strokes(rest: Array, known: Array, angle: Array, memory: float, ou
     angle: crank angle, rad. The harmonics reach up to a share of the highest frequency in the samples.
     """
     steps = np.diff(angle)
-    if np.any(np.isfinite(steps)):
-        highest = int(_HIGHEST * math.pi / max(float(np.nanmedian(steps)), 1e-9))
+    steps = steps[np.isfinite(steps)]
+    if len(steps):
+        highest = int(_HIGHEST * math.pi / max(median(steps), 1e-9))
         _subtract_harmonics(rest, known, angle, min(highest, _MOST_HARMONICS), _STROKES_HOLD * memory, out)
 
 
