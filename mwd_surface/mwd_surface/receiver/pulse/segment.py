@@ -36,7 +36,7 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     reconstruct,
     spread,
 )
-from mwd_surface.receiver.pump_lines import lines, pump_noise
+from mwd_surface.receiver.pump_lines import Crank, lines, pump_noise
 from mwd_surface.receiver.whitening import filtered, precision, prediction_error_filter
 
 # Order of the noise model: 6 TU. A longer model reaches the next pulse and contains the errors of the expected pulses:
@@ -225,7 +225,8 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     packets, weight, again = stretch.packets, stretch.known.copy(), stretch.probability is not None
     state = dataclasses.replace(channel)
     pulses = expected_pulses(stretch, trellis.uniform(packets) if stretch.probability is None else stretch.probability)
-    pumps, angles = _pumps(stretch, state, pulses)
+    noise = stretch.pressure - reconstruct(pulses.train, state.response)
+    pumps, cranks = pump_noise(noise, stretch.known, state.memory, stretch.angles)
     for turn in range(_ROUNDS):
         whitened = filtered(stretch.pressure - pumps, state.whitener)
         responses = _estimate(stretch, state, whitened, weight, pulses)
@@ -240,7 +241,7 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
         probability, _, evidence = trellis.marginals(packets, *sums)
         pulses = expected_pulses(stretch, probability * present)
         if not (again and turn == _ROUNDS - 1):
-            pumps = _new_noise(stretch, pulses, state, (weight, angles))
+            pumps = _new_noise(stretch, pulses, state, weight, cranks)
     fits = _fits(stretch, metric, common, level, pulses)
     g = _whitened(state.response, state.whitener)
     members = stretch.members()
@@ -405,18 +406,6 @@ def _whitened(response: Array, whitener: Array) -> Array:
     return np.convolve(response, whitener)[: len(response) + _TAIL]
 
 
-def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, pulses: ExpectedPulses) -> tuple[Array, Array]:
-    """
-    Return the pump noise, Pa, of a stretch without the pulses known so far, and the angles to use.
-
-    The angles have shape (pumps, n) if they help to predict the pump noise, else shape (0, n).
-    """
-    noise = stretch.pressure - reconstruct(pulses.train, state.response)
-    pumps, counted = pump_noise(noise, stretch.known, state.memory, stretch.angles)
-    none = np.zeros((0, len(noise)))
-    return pumps, stretch.angles if counted and stretch.angles is not None else none
-
-
 def _estimate(
     stretch: StretchOnToolClock, state: ChannelEstimate, whitened: Array, weight: Array, pulses: ExpectedPulses
 ) -> Array:
@@ -496,16 +485,15 @@ def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Arra
 
 
 def _new_noise(
-    stretch: StretchOnToolClock, pulses: ExpectedPulses, state: ChannelEstimate, known: tuple[Array, Array]
+    stretch: StretchOnToolClock,
+    pulses: ExpectedPulses,
+    state: ChannelEstimate,
+    weight: Array,
+    cranks: list[Crank],
 ) -> Array:
-    """
-    Fit the noise model to the pressure without pulses and pumps; return the pump noise.
-
-    known: weight of each sample, and the crank angles of the pumps, rad.
-    """
-    weight, angles = known
+    """Fit the noise model to the pressure without pulses and pumps; return the pump noise."""
     residual = stretch.pressure - reconstruct(pulses.train, state.response)
-    background = lines(residual, weight, state.memory, angles)
+    background = lines(residual, weight, state.memory, cranks)
     residual -= background
     unsure = _unsure(pulses.rows, state.response, weight)
     taps, size = prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, unsure)
