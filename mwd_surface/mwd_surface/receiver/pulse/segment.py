@@ -485,11 +485,7 @@ def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Arra
 
 
 def _new_noise(
-    stretch: StretchOnToolClock,
-    pulses: ExpectedPulses,
-    state: ChannelEstimate,
-    weight: Array,
-    cranks: list[Crank],
+    stretch: StretchOnToolClock, pulses: ExpectedPulses, state: ChannelEstimate, weight: Array, cranks: list[Crank]
 ) -> Array:
     """Fit the noise model to the pressure without pulses and pumps; return the pump noise."""
     residual = stretch.pressure - reconstruct(pulses.train, state.response)
