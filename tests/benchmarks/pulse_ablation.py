@@ -42,8 +42,8 @@ def _alone(*arguments: Any) -> Any:
 
 
 def _chosen(noise: Array, known: Array, memory: float = pump_lines.SEARCH_SAMPLES, angles: Array | None = None) -> Any:
-    rows = np.zeros((0, len(noise))) if angles is None else angles
-    return pump_lines.lines(noise, known, memory, rows), len(rows) > 0
+    cranks = [pump_lines.crank(angle) for angle in (() if angles is None else angles)]
+    return pump_lines.lines(noise, known, memory, cranks), cranks
 
 
 # Each ingredient with what replaces it: owner, name, replacement.

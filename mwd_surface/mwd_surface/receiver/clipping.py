@@ -196,12 +196,8 @@ def unclipped(value: Array, sides: Array, order: int) -> Array:
 
 def _short(sides: Array, longest: int) -> Array:
     """Return `sides`, with 0 in place of each run of equal values that is longer than `longest` samples."""
-    ends = np.flatnonzero(np.diff(sides)) + 1
-    out = sides.copy()
-    for run in np.split(np.arange(len(sides)), ends):
-        if len(run) > longest:
-            out[run] = 0.0
-    return out
+    lengths = np.diff(np.concatenate([[0], np.flatnonzero(np.diff(sides)) + 1, [len(sides)]]))
+    return np.where(np.repeat(lengths, lengths) > longest, 0.0, sides)
 
 
 def _most_probable(out: Array, value: Array, sides: Array, at: Indices, lags: Array) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_surface.receiver.resampling import interpolate
+from mwd_surface.receiver.whitening import median
 
 STEPS_PER_TU = 8
 # Number of values after a position that the interpolation needs; with fewer values the result would change later.
@@ -50,13 +51,7 @@ class Grid:
         """
         filled, known = values.copy(), known.copy()
         last = self._values[-1] if len(self._values) else (values[known > 0.0][0] if np.any(known > 0.0) else 0.0)
-        for k in range(len(filled)):
-            if known[k] > 0.0:
-                self._same = self._same + 1 if abs(filled[k] - last) <= 1e-12 * abs(last) else 0
-                known[k] = float(self._same < _FROZEN)
-                last = filled[k]
-            else:
-                filled[k] = last
+        self._same = _fill(filled, known, float(last), self._same)
         self._values = np.concatenate([self._values, filled])
         self._known = np.concatenate([self._known, known])
 
@@ -101,6 +96,24 @@ class Grid:
         inside = (nearest >= 0) & (nearest < len(self._known))
         known = np.where(inside, self._known[np.clip(nearest, 0, max(len(self._known) - 1, 0))], 0.0)
         return out, known
+
+
+@compiled
+def _fill(values: Array, known: Array, last: float, same: int) -> int:
+    """
+    Fill gaps with the last known value, and set the known values of a frozen gauge to unknown, in place.
+
+    last: known value before these values; same: number of known values so far that equal the value before them, in a
+    row. Return this number after these values.
+    """
+    for k in range(len(values)):
+        if known[k] > 0.0:
+            same = same + 1 if abs(values[k] - last) <= 1e-12 * abs(last) else 0
+            known[k] = 1.0 if same < _FROZEN else 0.0
+            last = values[k]
+        else:
+            values[k] = last
+    return same
 
 
 # Crank angle of each pump at any time, from counted strokes.
@@ -192,32 +205,32 @@ class Strokes:
             inside = time[time >= time_s[0]]
             if len(inside) < _LEAST:
                 continue
-            usual = float(np.median(np.diff(inside)))
+            usual = median(np.diff(inside))
             # After its last known stroke a pump is assumed to run on for some more intervals.
             known = np.append(time, time[-1] + math.floor(_PAUSE) * usual)
             # A missed stroke leaves an interval of two turns.
             turns = np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(np.diff(known) / usual), 1.0))])
-            known = _without_jitter(known, turns)
-            angle = 2.0 * np.pi * np.interp(time_s, known, turns, left=np.nan, right=np.nan)
-            at = np.clip(np.searchsorted(known, time_s, side="right"), 1, len(known) - 1)
-            rows.append(np.where(known[at] - known[at - 1] < _PAUSE * usual, angle, np.nan))
+            rows.append(_angle(time_s, _without_jitter(known, turns), turns, _PAUSE * usual))
         return np.array(rows).reshape(-1, len(time_s))
 
 
-def _without_jitter(time: Array, turns: Array) -> Array:
+@compiled
+def _angle(at: Array, strokes: Array, turns: Array, pause: float) -> Array:
     """
-    Return stroke times smoothed by a local line; shape (n,).
+    Return the crank angle, rad, at rising times, s, shape (n,); NaN before the first and after the last stroke.
 
-    The width of the smoothing is the one that predicts each stroke best from the strokes around it: wide if the
-    counter has much jitter, narrow if the pump changes its rate.
+    strokes, turns, shape (k,): times, s, of the strokes and their turns. The angle is NaN between strokes that are at
+    least `pause`, s, apart.
     """
-    if len(time) < _LEAST:
-        return time
-    tried = np.empty((len(_SMOOTHED), 2, len(time)))
-    for sigma, (smoothed, others) in zip(_SMOOTHED, tried, strict=True):
-        _local_line(time, turns, sigma, smoothed, others)
-    errors = np.median(np.abs(time - tried[:, 1]), axis=1)
-    return np.maximum.accumulate(tried[int(np.argmin(errors)), 0])
+    out = np.full(len(at), np.nan)
+    j = 0
+    for i in range(len(at)):
+        while j < len(strokes) - 2 and strokes[j + 1] <= at[i]:
+            j += 1
+        gap = strokes[j + 1] - strokes[j]
+        if strokes[0] <= at[i] <= strokes[-1] and 0.0 < gap < pause:
+            out[i] = 2.0 * math.pi * ((turns[j + 1] - turns[j]) / gap * (at[i] - strokes[j]) + turns[j])
+    return out
 
 
 @compiled
@@ -245,3 +258,22 @@ def _local_line(time: Array, turns: Array, sigma: float, smoothed: Array, others
         # The stroke itself has x = y = 0 and weight 1, so it changes only the sum of the weights, s0.
         others[k] = time[k] + (s2 * t0 - s1 * t1) / max(s0 * s2 - s1 * s1, 1e-12)
         smoothed[k] = time[k] + (s2 * t0 - s1 * t1) / max((s0 + 1.0) * s2 - s1 * s1, 1e-12)
+
+
+@compiled
+def _without_jitter(time: Array, turns: Array) -> Array:
+    """
+    Return stroke times smoothed by a local line; shape (n,).
+
+    The width of the smoothing is the one that predicts each stroke best from the strokes around it: wide if the
+    counter has much jitter, narrow if the pump changes its rate.
+    """
+    smoothed, others, best, least = np.empty(len(time)), np.empty(len(time)), time.copy(), np.inf
+    for sigma in _SMOOTHED:
+        _local_line(time, turns, sigma, smoothed, others)
+        error = np.median(np.abs(time - others))
+        if error < least:
+            best[:], least = smoothed, error
+    for k in range(1, len(best)):
+        best[k] = max(best[k], best[k - 1])
+    return best

@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
-from mwd_surface.receiver.whitening import prediction_error_filter
+from mwd_surface.receiver.whitening import median, prediction_error_filter
 
 # Power over the spectral floor above which a line is subtracted. Weaker lines are left to the noise model, which
 # handles them better: with pulses of 0.3 s the lines lie within the spectrum of the pulses, and a lower limit lost
@@ -73,7 +75,7 @@ def line_frequencies(
     if count < 3:
         return np.zeros(0)
     power = np.abs(np.fft.rfft((step - step.mean()) * _window(len(step)), whole)) ** 2
-    floors = np.median(power[: count * _NEIGHBOURHOOD].reshape(count, _NEIGHBOURHOOD), axis=1)
+    floors = np.array([median(one) for one in power[: count * _NEIGHBOURHOOD].reshape(count, _NEIGHBOURHOOD)])
     at = (np.arange(count) + 0.5) * _NEIGHBOURHOOD
     floor = np.interp(np.arange(len(power)), at, floors)
     inner = power[2:-2]
@@ -134,19 +136,21 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
         in_phase[b], across[b], weight[b] = c, s, w
     sigma = memory / _BLOCK
     reach = int(3.0 * sigma)
-    falls = np.exp(-0.5 * (np.arange(reach + 1) / sigma) ** 2)
-    smooth_c, smooth_s = np.zeros(count), np.zeros(count)
+    falls = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    smooth_c, smooth_s, total = np.zeros(count), np.zeros(count), np.zeros(count)
+    for j in range(count):
+        # Views that start at 0 let the compiler work on several blocks at once.
+        near = slice(max(j - reach, 0), min(j + reach + 1, count))
+        near_c, near_s, near_total, g = smooth_c[near], smooth_s[near], total[near], falls[reach + near.start - j :]
+        for b in range(len(near_c)):
+            near_c[b] += g[b] * in_phase[j]
+            near_s[b] += g[b] * across[j]
+            near_total[b] += g[b] * weight[j]
     line = raw = 0.0
     for b in range(count):
-        total = 0.0
-        for j in range(max(b - reach, 0), min(b + reach + 1, count)):
-            g = falls[abs(j - b)]
-            smooth_c[b] += g * in_phase[j]
-            smooth_s[b] += g * across[j]
-            total += g * weight[j]
-        if total > 0.0:
-            smooth_c[b] /= total
-            smooth_s[b] /= total
+        if total[b] > 0.0:
+            smooth_c[b] /= total[b]
+            smooth_s[b] /= total[b]
         line += weight[b] * (smooth_c[b] ** 2 + smooth_s[b] ** 2)
         raw += (in_phase[b] ** 2 + across[b] ** 2) / max(weight[b], 1.0)
     # The average of noise alone has a share of 1 / (2 sqrt(pi) sigma) of the power of the noise.
@@ -163,11 +167,48 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
             out[i] += one
 
 
+class Crank(NamedTuple):
+    """
+    Turning of a pump, from its counted strokes.
+
+    Attributes
+    ----------
+    cosine, sine : ndarray, shape (n,)
+        Cosine and sine of the crank angle; both are 0 where the angle is unknown.
+    harmonics : int
+        Number of harmonics below a share of the highest frequency in the samples.
+    """
+
+    cosine: Array
+    sine: Array
+    harmonics: int
+
+
+def crank(angle: Array) -> Crank:
+    """Return the turning of a pump with a crank angle, rad, shape (n,), which is NaN where it is unknown."""
+    steps = np.diff(angle)
+    steps = steps[np.isfinite(steps)]
+    highest = int(_HIGHEST * math.pi / max(median(steps), 1e-9)) if len(steps) else 0
+    return Crank(*_cosines(angle), min(highest, _MOST_HARMONICS))
+
+
+@compiled
+def _cosines(angle: Array) -> tuple[Array, Array]:
+    """Return cosine and sine of an angle; both are 0 where the angle is not finite."""
+    cosine, sine = np.zeros(len(angle)), np.zeros(len(angle))
+    for i in range(len(angle)):
+        if math.isfinite(angle[i]):
+            cosine[i], sine[i] = math.cos(angle[i]), math.sin(angle[i])
+    return cosine, sine
+
+
 def pump_noise(
     noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angles: Array | None = None
-) -> tuple[Array, bool]:
+) -> tuple[Array, list[Crank]]:
     """
-    Return the sum of all pump lines, and whether they are better with the counted strokes than without.
+    Return the sum of all pump lines, and the pumps whose counted strokes were used.
+
+    The strokes are used if the lines are better with them than without.
 
     Parameters
     ----------
@@ -184,34 +225,34 @@ def pump_noise(
     -------
     ndarray, shape (n,)
         Pressure caused by the pumps, Pa.
-    bool
-        Whether the strokes were used.
+    list of Crank
+        The pumps with strokes; empty if the strokes were not used.
     """
-    plain = lines(noise, known, memory, np.zeros((0, len(noise))))
+    plain = lines(noise, known, memory)
     if angles is None or not len(angles):
-        return plain, False
+        return plain, []
     # If the counter has jitter, or two pumps have nearly the same rate, subtraction with the strokes can be worse than
     # without them.
-    counted = lines(noise, known, memory, angles)
+    cranks = [crank(angle) for angle in angles]
+    counted = lines(noise, known, memory, cranks)
     root = np.sqrt(known)
     unexplained = [prediction_error_filter(noise - one, root, _ORDER, _FLOOR)[1] for one in (plain, counted)]
     # The fitted harmonics also follow noise; estimate the share of its variance that their coefficients explain.
     fitted = 2.0 * _MOST_HARMONICS * len(angles) * len(noise) / (2.0 * math.sqrt(math.pi) * _STROKES_HOLD * memory)
     share = 1.0 - min(fitted / max(float(known.sum()), 1.0), 0.5)
-    better = bool(unexplained[1] ** 2 < share * unexplained[0] ** 2)
-    return counted if better else plain, better
+    return (counted, cranks) if unexplained[1] ** 2 < share * unexplained[0] ** 2 else (plain, [])
 
 
-def lines(noise: Array, known: Array, memory: float, angles: Array) -> Array:
+def lines(noise: Array, known: Array, memory: float, cranks: Sequence[Crank] = ()) -> Array:
     """
     Return the sum, Pa, of the harmonics of counted strokes and of the lines found in the remaining noise, shape (n,).
 
-    angles, shape (pumps, n): may have no rows; other arguments as in `pump_noise`.
+    Arguments as in `pump_noise`.
     """
     out = np.zeros(len(noise))
     rest = noise - np.mean(noise)
-    for angle in angles:
-        _subtract_strokes(rest, known, angle, memory, out)
+    for one in cranks:
+        _subtract_harmonics(rest, known, *one, _STROKES_HOLD * memory, out)
     cosine, sine = np.empty(len(noise)), np.empty(len(noise))
     for omega in line_frequencies(rest):
         turning(float(omega), cosine, sine)
@@ -219,29 +260,19 @@ def lines(noise: Array, known: Array, memory: float, angles: Array) -> Array:
     return out
 
 
-def _subtract_strokes(rest: Array, known: Array, angle: Array, memory: float, out: Array) -> None:
-    """
-    Subtract the harmonics of one pump from `rest` and add them to `out`, both shape (n,), in place.
-
-    angle: crank angle, rad. The harmonics reach up to a share of the highest frequency in the samples.
-    """
-    steps = np.diff(angle)
-    if np.any(np.isfinite(steps)):
-        highest = int(_HIGHEST * math.pi / max(float(np.nanmedian(steps)), 1e-9))
-        _subtract_harmonics(rest, known, angle, min(highest, _MOST_HARMONICS), _STROKES_HOLD * memory, out)
-
-
 @compiled
-def _subtract_harmonics(rest: Array, known: Array, angle: Array, harmonics: int, memory: float, out: Array) -> None:
-    """Subtract the first harmonics of an angle, which is NaN where it is unknown; arguments as in `subtract_line`."""
-    n = len(rest)
-    turn_c, turn_s, runs = np.zeros(n), np.zeros(n), np.zeros(n)
-    for i in range(n):
-        if math.isfinite(angle[i]):
-            turn_c[i], turn_s[i], runs[i] = math.cos(angle[i]), math.sin(angle[i]), known[i]
+def _subtract_harmonics(
+    rest: Array, known: Array, turn_c: Array, turn_s: Array, harmonics: int, memory: float, out: Array
+) -> None:
+    """
+    Subtract the first harmonics of a crank from `rest` and add them to `out`, both shape (n,), in place.
+
+    turn_c, turn_s: cosine and sine, as in `Crank`; other arguments as in `subtract_line`.
+    """
+    runs = np.where((turn_c == 0.0) & (turn_s == 0.0), 0.0, known)
     cosine, sine = turn_c.copy(), turn_s.copy()
     for _ in range(harmonics):
         subtract_line(rest, runs, cosine, sine, memory, out)
-        for i in range(n):
+        for i in range(len(rest)):
             c = cosine[i]
             cosine[i], sine[i] = c * turn_c[i] - sine[i] * turn_s[i], c * turn_s[i] + sine[i] * turn_c[i]

@@ -11,9 +11,11 @@ itself.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +36,7 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     reconstruct,
     spread,
 )
-from mwd_surface.receiver.pump_lines import lines, pump_noise
+from mwd_surface.receiver.pump_lines import Crank, lines, pump_noise
 from mwd_surface.receiver.whitening import filtered, precision, prediction_error_filter
 
 # Order of the noise model: 6 TU. A longer model reaches the next pulse and contains the errors of the expected pulses:
@@ -123,6 +125,11 @@ class StretchOnToolClock:
     missing: float = MISSING
     sync: tuple[int, int] | None = None
 
+    @functools.cached_property
+    def places(self) -> Indices:
+        """Place of each packet value, TU after `start`; shape (k, values)."""
+        return trellis.places_of(self.packets)
+
     def own(self) -> list[slice]:
         """Return the samples of each group."""
         return [
@@ -137,6 +144,25 @@ class StretchOnToolClock:
     def per_packet(self, values: Sequence[float] | Array) -> Array:
         """Return a value of each group for each of its packets; shape (k,)."""
         return np.repeat(values, np.diff([*self.groups[:, 0], len(self.packets)]))
+
+
+class ExpectedPulses(NamedTuple):
+    """
+    Pulses that are expected in a stretch.
+
+    Attributes
+    ----------
+    own : ndarray, shape (k, values)
+        Expected number of pulses at each place of each packet.
+    rows : ndarray, shape (j, 3)
+        These pulses and the pulses before the packets, as in `channel_estimate.place_pairs`.
+    train : ndarray, shape (n,)
+        Expected number of edges at each sample.
+    """
+
+    own: Array
+    rows: Array
+    train: Array
 
 
 @dataclasses.dataclass(frozen=True)
@@ -196,29 +222,27 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     channel : ChannelEstimate
         Estimate to start from.
     """
-    packets, places = stretch.packets, trellis.places_of(stretch.packets)
-    weight, again = stretch.known.copy(), stretch.probability is not None
-    probability = trellis.uniform(packets) if stretch.probability is None else stretch.probability.copy()
+    packets, weight, again = stretch.packets, stretch.known.copy(), stretch.probability is not None
     state = dataclasses.replace(channel)
-    present = np.ones(places.shape)
-    pumps, angles = _pumps(stretch, state, probability)
+    pulses = expected_pulses(stretch, trellis.uniform(packets) if stretch.probability is None else stretch.probability)
+    noise = stretch.pressure - reconstruct(pulses.train, state.response)
+    pumps, cranks = pump_noise(noise, stretch.known, state.memory, stretch.angles)
     for turn in range(_ROUNDS):
         whitened = filtered(stretch.pressure - pumps, state.whitener)
-        pulses = probability * present
-        train = _train(stretch, pulses)
-        responses = _estimate(stretch, state, whitened, (weight, train, _all_pulses(stretch, pulses)))
+        responses = _estimate(stretch, state, whitened, weight, pulses)
         g = _whitened(state.response, state.whitener)
-        weight = _weights(stretch, train, g, whitened) if turn > 0 or again else weight
+        weight = _weights(stretch, pulses.train, g, whitened) if turn > 0 or again else weight
         metric, level = _metric(stretch, responses, state.whitener, (whitened, weight))
         common = common_energy(g, len(g) // SAMPLES_PER_TU)
-        far, beside = shared_energy(stretch, places, common, pulses)
-        unary = metric[places] - level[:, None] * far
+        far, beside = shared_energy(stretch, stretch.places, common, pulses)
+        unary = metric[stretch.places] - level[:, None] * far
         unary, present = _any_pulses(stretch, unary, level[:, None] * beside, common, level)
         sums = trellis.forward_backward(packets, unary, common, level, stretch.parity)
         probability, _, evidence = trellis.marginals(packets, *sums)
+        pulses = expected_pulses(stretch, probability * present)
         if not (again and turn == _ROUNDS - 1):
-            pumps = _new_noise(stretch, probability * present, state, (weight, angles))
-    fits = _fits(stretch, metric, common, level, probability * present)
+            pumps = _new_noise(stretch, pulses, state, weight, cranks)
+    fits = _fits(stretch, metric, common, level, pulses)
     g = _whitened(state.response, state.whitener)
     members = stretch.members()
     ways = [trellis.log_ways(packets[mine]) for mine in members]
@@ -226,11 +250,11 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     ebn0 = 10.0 * np.log10(np.maximum(float(g @ g) * counts * math.log(2.0) / (2.0 * np.array(ways)), 1e-6))
     # A pulse at its true place has a metric of half its energy, reduced where samples are unknown.
     expected = 0.5 * float(g @ g * level.sum()) - sum(ways)
-    timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability * present, state, weight, pumps)
+    timing = (0.0, 1.0, 0.0) if again else _timing(stretch, pulses.train, state, weight, pumps)
     return DecodedStretch(
         *(unary, level, common, probability, present, fits, state, stretch.per_packet(ebn0), timing),
         *(evidence - sum(ways), expected, stretch.per_packet(_disturbed(stretch, weight))),
-        _sync_size(stretch, probability * present, state, weight, whitened),
+        _sync_size(stretch, pulses, state, weight, whitened),
     )
 
 
@@ -275,7 +299,7 @@ def _any_pulses(
     unary = unary - beside
     count = packets[:, trellis.COUNT].astype(float)
     real = np.arange(unary.shape[1])[None, :] < packets[:, trellis.COUNT, None]
-    second = unary + _second(unary, trellis.places_of(packets), real, common, level) + np.log(_EXTRA / count)[:, None]
+    second = unary + _second(unary, stretch.places, real, common, level) + np.log(_EXTRA / count)[:, None]
     pulse = np.logaddexp(unary + math.log(1.0 - missing - _EXTRA), second)
     total = np.logaddexp(pulse, math.log(missing))
     return total + beside, np.exp(pulse - total)
@@ -288,7 +312,9 @@ def _second(unary: Array, at: Indices, real: NDArray[np.bool_], common: Array, l
     return _log_sum(np.where(real[:, None, :] & (gap > 1), both, -np.inf))
 
 
-def shared_energy(stretch: StretchOnToolClock, at: Indices, common: Array, pulses: Array) -> tuple[Array, Array]:
+def shared_energy(
+    stretch: StretchOnToolClock, at: Indices, common: Array, pulses: ExpectedPulses
+) -> tuple[Array, Array]:
     """
     Return the mean energy that a pulse of each packet shares with far pulses and with the neighbouring packets.
 
@@ -299,8 +325,7 @@ def shared_energy(stretch: StretchOnToolClock, at: Indices, common: Array, pulse
         Places of the pulse of each packet, TU.
     common : ndarray, shape (m,)
         Common energy of two pulses, by their distance in TU.
-    pulses : ndarray, shape (k, values)
-        Expected number of pulses at each place of each packet.
+    pulses : ExpectedPulses
 
     Returns
     -------
@@ -309,15 +334,15 @@ def shared_energy(stretch: StretchOnToolClock, at: Indices, common: Array, pulse
     ndarray, shape (k, n)
         Energy shared with the packets before and after.
     """
-    beyond, known = len(common), _all_pulses(stretch, pulses)
-    place = beyond + (known[:, 0] - stretch.start) / SAMPLES_PER_TU
-    edges = _edges(place, known[:, 1], int(stretch.groups[-1, 2]) + 2 * beyond)
+    beyond = len(common)
+    place = beyond + (pulses.rows[:, 0] - stretch.start) / SAMPLES_PER_TU
+    edges = _edges(place, pulses.rows[:, 1], int(stretch.groups[-1, 2]) + 2 * beyond)
     total = np.convolve(edges, np.concatenate([common[:0:-1], common]), mode="same")[beyond:][at]
-    places, by_gap = trellis.places_of(stretch.packets), np.append(common, 0.0)
+    by_gap = np.append(common, 0.0)
 
     def shared(one: slice, other: slice) -> Array:
-        gap = np.minimum(np.abs(at[one, :, None] - places[other, None, :]), beyond)
-        return np.asarray(np.sum(pulses[other, None, :] * by_gap[gap], axis=2))
+        gap = np.minimum(np.abs(at[one, :, None] - stretch.places[other, None, :]), beyond)
+        return np.asarray(np.sum(pulses.own[other, None, :] * by_gap[gap], axis=2))
 
     beside = np.zeros(at.shape)
     beside[1:] += shared(slice(1, None), slice(None, -1))
@@ -325,7 +350,7 @@ def shared_energy(stretch: StretchOnToolClock, at: Indices, common: Array, pulse
     return total - shared(slice(None), slice(None)) - beside, beside
 
 
-def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Array, pulses: Array) -> Array:
+def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Array, pulses: ExpectedPulses) -> Array:
     """
     Return `fits` of `DecodedStretch`; NaN for a combinatorial word, whose windows overlap.
 
@@ -334,7 +359,7 @@ def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Arra
     sent together. Where no pulse arrives, both have the same likelihood: silence counts neither for nor against the
     table.
 
-    metric: metric of a single pulse at each TU; pulses: expected number of pulses at each place of each packet.
+    metric: metric of a single pulse at each TU.
     """
     packets, missing = stretch.packets, stretch.missing
     if packets[0, trellis.RISING]:
@@ -360,18 +385,13 @@ def _log_sum(logs: Array) -> Array:
     return np.asarray(top + np.log(np.sum(np.exp(logs - top[..., None]), axis=-1) + 1e-300))
 
 
-def _all_pulses(stretch: StretchOnToolClock, probability: Array) -> Array:
-    """Return the known pulses of the stretch and the pulses of its packets, as rows of `StretchOnToolClock.pulses`."""
-    at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets)
+def expected_pulses(stretch: StretchOnToolClock, own: Array) -> ExpectedPulses:
+    """Return all pulses that are expected in a stretch; own: the pulses of its packets, as in `ExpectedPulses`."""
+    at = stretch.start + SAMPLES_PER_TU * stretch.places
     window = stretch.start + SAMPLES_PER_TU * stretch.packets[:, trellis.START, None]
-    own = np.stack([at, probability, np.broadcast_to(window, at.shape)], axis=-1).reshape(-1, 3)
-    return np.concatenate([stretch.pulses, own[own[:, 1] > 0.0]])
-
-
-def _train(stretch: StretchOnToolClock, probability: Array) -> Array:
-    """Return the expected number of edges at each sample."""
-    pulses = _all_pulses(stretch, probability)
-    return _edges(pulses[:, 0], pulses[:, 1], len(stretch.pressure))
+    rows = np.stack([at, own, np.broadcast_to(window, at.shape)], axis=-1).reshape(-1, 3)
+    rows = np.concatenate([stretch.pulses, rows[rows[:, 1] > 0.0]])
+    return ExpectedPulses(own, rows, _edges(rows[:, 0], rows[:, 1], len(stretch.pressure)))
 
 
 def _edges(at: Array, chance: Array, count: int) -> Array:
@@ -386,45 +406,30 @@ def _whitened(response: Array, whitener: Array) -> Array:
     return np.convolve(response, whitener)[: len(response) + _TAIL]
 
 
-def _pumps(stretch: StretchOnToolClock, state: ChannelEstimate, probability: Array) -> tuple[Array, Array]:
-    """
-    Return the pump noise, Pa, of a stretch without the pulses known so far, and the angles to use.
-
-    The angles have shape (pumps, n) if they help to predict the pump noise, else shape (0, n).
-    """
-    noise = stretch.pressure - reconstruct(_train(stretch, probability), state.response)
-    pumps, counted = pump_noise(noise, stretch.known, state.memory, stretch.angles)
-    none = np.zeros((0, len(noise)))
-    return pumps, stretch.angles if counted and stretch.angles is not None else none
-
-
 def _estimate(
-    stretch: StretchOnToolClock, state: ChannelEstimate, whitened: Array, pulses: tuple[Array, Array, Array]
+    stretch: StretchOnToolClock, state: ChannelEstimate, whitened: Array, weight: Array, pulses: ExpectedPulses
 ) -> Array:
     """
     Return the response for each group, Pa, shape (g, m); `state` receives the mean of these estimates.
 
     The response is estimated from the pulses around the group. The pressure of the group itself is not used, because a
     response estimated from its own decisions confirms them.
-
-    pulses: weight of each sample, expected number of edges at each sample, and places of the pulses.
     """
-    weight, train, places = pulses
     shapes = np.array([_whitened(one, state.whitener) for one in state.components])
-    columns = pulse_columns(train, shapes)
+    columns = pulse_columns(pulses.train, shapes)
     whole = normal_equations(columns, whitened, weight)
     pairs, owns = [], stretch.own()
     for own in owns:
         others = weight.copy()
         others[own] = 0.0
-        pairs.append(place_pairs(places, others))
+        pairs.append(place_pairs(pulses.rows, others))
     found, scales, matrices = [], [], []
     for own, unplaced in zip(owns, spread(np.array(pairs), shapes), strict=True):
         matrix, right = (
             a - b for a, b in zip(whole, normal_equations(columns[own], whitened[own], weight[own]), strict=True)
         )
         if stretch.carried is not None:
-            used = train * (weight > 0.0)
+            used = pulses.train * (weight > 0.0)
             lacking = max(1.0 - float(used.sum() - used[own].sum()) / _ENOUGH, 0.0)
             matrix += lacking * stretch.carried[1]
             right += lacking * stretch.carried[1] @ stretch.carried[0]
@@ -440,7 +445,7 @@ def _estimate(
 
 
 def _sync_size(
-    stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, weight: Array, whitened: Array
+    stretch: StretchOnToolClock, pulses: ExpectedPulses, state: ChannelEstimate, weight: Array, whitened: Array
 ) -> tuple[float, float]:
     """
     Measure the size of the pulses of the sync relative to the pulses of the packets.
@@ -457,11 +462,11 @@ def _sync_size(
     here = slice(max(stretch.sync[0] - BEFORE, 0), stretch.sync[1])
     of_sync = stretch.pulses[(stretch.pulses[:, 0] >= here.start) & (stretch.pulses[:, 0] < here.stop)]
     shapes = np.array([_whitened(one, state.whitener) for one in state.components])
-    columns = pulse_columns(_train(stretch, pulses), shapes)
+    columns = pulse_columns(pulses.train, shapes)
     sync = pulse_columns(_edges(of_sync[:, 0], of_sync[:, 1], len(whitened)), shapes)
     others = weight.copy()
     others[here] = 0.0
-    pairs = place_pairs(_all_pulses(stretch, pulses), others)
+    pairs = place_pairs(pulses.rows, others)
     matrix, right = normal_equations(columns, whitened, others)
     u, _, covariance = coefficients(matrix + spread(pairs, shapes), right, state.scale)
     expected = sync[here] @ u
@@ -479,17 +484,14 @@ def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Arra
     return precision(whitened - reconstruct(train, g), stretch.known)
 
 
-def _new_noise(stretch: StretchOnToolClock, pulses: Array, state: ChannelEstimate, known: tuple[Array, Array]) -> Array:
-    """
-    Fit the noise model to the pressure without pulses and pumps; return the pump noise.
-
-    known: weight of each sample, and the crank angles of the pumps, rad.
-    """
-    weight, angles = known
-    residual = stretch.pressure - reconstruct(_train(stretch, pulses), state.response)
-    background = lines(residual, weight, state.memory, angles)
+def _new_noise(
+    stretch: StretchOnToolClock, pulses: ExpectedPulses, state: ChannelEstimate, weight: Array, cranks: list[Crank]
+) -> Array:
+    """Fit the noise model to the pressure without pulses and pumps; return the pump noise."""
+    residual = stretch.pressure - reconstruct(pulses.train, state.response)
+    background = lines(residual, weight, state.memory, cranks)
     residual -= background
-    unsure = _unsure(_all_pulses(stretch, pulses), state.response, weight)
+    unsure = _unsure(pulses.rows, state.response, weight)
     taps, size = prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, unsure)
     state.whitener = taps if size > 0.0 else state.whitener
     return background
@@ -512,17 +514,16 @@ def _unsure(places: Array, response: Array, weight: Array) -> Array:
 
 
 def _timing(
-    stretch: StretchOnToolClock, probability: Array, state: ChannelEstimate, weight: Array, pumps: Array
+    stretch: StretchOnToolClock, train: Array, state: ChannelEstimate, weight: Array, pumps: Array
 ) -> tuple[float, float, float]:
     """
-    Measure the drift of the pulses against the sample clock.
+    Measure the drift of the pulses against the sample clock; train: as in `ExpectedPulses`.
 
     Returns
     -------
     (float, float, float)
         Drift, its variance and its centre, as in `DecodedStretch.timing`; (0, 1, 0) if the pulses are too few.
     """
-    train = _train(stretch, probability)
     g = _whitened(state.response, state.whitener)
     slope = np.gradient(g)
     rest = filtered(stretch.pressure - pumps, state.whitener) - reconstruct(train, g)

@@ -25,7 +25,7 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     reconstruct,
 )
 from mwd_surface.receiver.pump_lines import pump_noise
-from mwd_surface.receiver.whitening import filtered, steadiness, steady_filter
+from mwd_surface.receiver.whitening import filtered, median, steadiness, steady_filter
 
 ORDER = 24  # highest order of the noise model
 FLOOR = 1e-6  # white noise added to the noise model, as a share of its variance
@@ -169,7 +169,8 @@ def _settled(pressure: Array) -> int:
         return 0
     means = pressure[: count * _BLOCK].reshape(count, _BLOCK).mean(axis=1)
     late = means[count // 2 :]
-    off = np.abs(means - np.median(late)) > _MOVED * np.median(np.abs(late - np.median(late)))
+    middle = median(late)
+    off = np.abs(means - middle) > _MOVED * median(np.abs(late - middle))
     last = int(np.flatnonzero(off[: count // 2])[-1]) + 3 if off[: count // 2].any() else 0
     return min(last * _BLOCK, len(pressure) - _LEAST_NOISE)
 

@@ -54,7 +54,7 @@ def test_the_energy_shared_with_other_pulses_is_the_sum_over_each_of_them():
     stretch = segment.StretchOnToolClock(samples, samples, known, rows, groups, START, 0)
     common, places = random.normal(size=16), trellis.places_of(rows)
     pulses = trellis.uniform(rows) * random.uniform(size=places.shape)
-    far, beside = segment.shared_energy(stretch, places, common, pulses)
+    far, beside = segment.shared_energy(stretch, places, common, segment.expected_pulses(stretch, pulses))
 
     def of(at, others):
         return sum(chance * common[abs(at - int(place))] for place, chance in others if abs(at - place) < len(common))
