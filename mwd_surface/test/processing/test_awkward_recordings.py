@@ -362,7 +362,13 @@ def test_what_inspect_promises_is_what_process_does(name, sent, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("pace", "gap"), [(0.1, slice(1500, 1500)), (10.0, slice(1500, 2200)), (2.0, slice(0, 700)), (0.5, slice(0, 700))]
+    ("pace", "gap"),
+    [
+        (10.0, slice(1500, 2200)),
+        (0.5, slice(0, 700)),
+        pytest.param(0.1, slice(1500, 1500), marks=pytest.mark.nightly),
+        pytest.param(2.0, slice(0, 700), marks=pytest.mark.nightly),
+    ],
 )
 def test_the_pace_at_which_a_run_was_recorded_changes_nothing(pace, gap, sent, tmp_path):
     """A simulated run or a replay at another rate: the clock of the recorder runs at another speed than the sonde's."""
@@ -422,8 +428,14 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("others", [False, True])
-@pytest.mark.parametrize("kind", UNREADABLE)
+@pytest.mark.parametrize(
+    ("kind", "others"),
+    [
+        *((kind, False) for kind in UNREADABLE),
+        ("json", True),
+        *(pytest.param(kind, True, marks=pytest.mark.nightly) for kind in UNREADABLE if kind != "json"),
+    ],
+)
 def test_every_command_says_in_one_sentence_that_an_encoding_cannot_be_read(kind, others, sent, tmp_path, capsys):
     short = [(name, layout, one[:200], log_ns[:200]) for name, layout, one, log_ns in sent]
     path = awkward.encoded_mcap(tmp_path / "b.mcap", short, *UNREADABLE[kind])
