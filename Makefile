@@ -27,7 +27,7 @@ CLEAN := env -u PYTHONDONTWRITEBYTECODE -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD
 # check, ROS sends an integer in a field of floats as another number.
 PYTEST = $(CLEAN) ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder
 
-.PHONY: run test test-ubuntu check setup lint config docs pictures tour words font lock bench papers cortex fuzz soak nightly sweep mutate sbom deb clean
+.PHONY: run test suite test-ubuntu check setup lint config docs pictures tour words font lock bench papers cortex fuzz soak nightly sweep mutate sbom deb clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -44,7 +44,11 @@ lint: setup
 check: lint
 	@$(PYTEST) --numprocesses 2 -m "not slow and not ros and not nightly" --durations 20 --durations-min 0.5
 
-test: lint
+# One core checks the types while the other begins with the tests.
+test:
+	@$(MAKE) --no-print-directory --jobs 2 lint suite
+
+suite: setup
 	@$(PYTEST) -m "not nightly"
 
 test-ubuntu: BIN := .venv-ubuntu/bin

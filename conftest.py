@@ -27,8 +27,8 @@ os.environ["LANGUAGE"] = "en"
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-settings.register_profile("gate", deadline=None, derandomize=True, max_examples=50)
-# `make nightly`: other examples in each run, and twice as many.
+settings.register_profile("gate", deadline=None, derandomize=True, max_examples=30)
+# `make nightly`: other examples in each run, and three times as many.
 settings.register_profile("nightly", deadline=None, max_examples=100)
 # `make fuzz`: random input in each run, and many more examples.
 settings.register_profile(

@@ -18,37 +18,38 @@ UNDETERMINED = ("near_polar",)  # an inclined hole where the field does not dete
 # Sensor faults, an uncalibrated probe, a run without a rest; a field turned with its total and dip kept, of which a
 # test below says more; and the run that `test_tool_comparison.py` compares with the tables of its paper.
 OTHERS = ("faults", "tumble", "s3_vibration", "s1_field", "s1_lab")
-# Another link, pump or seed in a hole that is played, or a depth between two of it.
+# Another link, pump or seed in a hole that is played, or a depth between two of it: `make nightly` plays them.
 SAME_HOLE = (
     "telemetry_bad_day",
     "telemetry_downlink",
     "telemetry_em_clay",
+    "telemetry_em_salt",
     "telemetry_pumps",
+    "telemetry_shallow",
     "telemetry_siren",
     "telemetry_two_links",
 )
 NAMES = sorted(path.stem for path in SCENARIOS.glob("*.yaml") if path.stem not in (*OTHERS, *SAME_HOLE))
 # A rig's hour and a quarter repeats one stand and one connection: twice says what five times do.
-CYCLES = 2
-# What is drilled or slid in longer than this, s, is drilled as far in this time, which leads to the same station.
-DRILLED_S = 100.0
+CYCLES = {"connections": 2, "mine_hole": 2, "curve_and_lateral": 10}
+# A part of the schedule that lasts longer than this, s, ends then.
+LONGEST_S = 50.0
 
 
 def played(name):
+    """The scenario in less time: what is drilled or slid is drilled as far, which leads to the same station."""
     story = scenario.read(SCENARIOS / f"{name}.yaml")
-    cycles = min(story.cycles, CYCLES) if name in ("connections", "mine_hole") else story.cycles
-    return dataclasses.replace(story, cycles=cycles, schedule=tuple(map(faster, story.schedule)))
+    cycles = min(story.cycles, CYCLES.get(name, story.cycles))
+    stands = 3.0 if name == "curve_and_lateral" else 1.0
+    parts = []
+    for part in story.schedule:
+        seconds = min(part.seconds, LONGEST_S)
+        parts.append(dataclasses.replace(part, seconds=seconds, rop_m_h=stands * part.rop_m_h * part.seconds / seconds))
+    return dataclasses.replace(story, cycles=cycles, schedule=tuple(parts))
 
 
-def faster(part):
-    seconds = min(part.seconds, DRILLED_S)
-    if part.kind not in ("drill", "slide") or seconds == part.seconds:
-        return part
-    return dataclasses.replace(part, seconds=seconds, rop_m_h=part.rop_m_h * part.seconds / seconds)
-
-
-@pytest.mark.slow(8)
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow(5)
+@pytest.mark.parametrize("name", [*NAMES, *(pytest.param(name, marks=pytest.mark.nightly) for name in SAME_HOLE)])
 def test_a_bundled_scenario_without_a_fault_has_its_surveys_accepted_and_right(name):
     found = surveys(played(name))
     assert found
@@ -77,11 +78,14 @@ def test_a_collar_magnetised_across_its_axis_is_known_before_the_first_station()
 
 
 @pytest.mark.slow(15)
-def test_s1_field_case_is_accepted_by_its_gyro():
+@pytest.mark.parametrize("depths", [[30, 60], pytest.param([30, 60, 90], marks=pytest.mark.nightly)])
+def test_s1_field_case_is_accepted_by_its_gyro(depths):
     """Steel turns the field by some 20 deg and keeps total and dip: only a gyro in two positions shows the azimuth."""
-    first, last = revised_surveys(scenario.read(SCENARIOS / "s1_field.yaml"))
+    story = scenario.read(SCENARIOS / "s1_field.yaml")
+    # A station is a rest, half a turn and a rest; a move leads to the next.
+    first, last = revised_surveys(dataclasses.replace(story, schedule=story.schedule[: 4 * len(depths) - 1]))
     # Two at each depth, before and after half a turn; none while the string is moved.
-    assert [round(one.measured_depth) for one in first] == [30, 30, 60, 60, 90, 90]
+    assert [round(one.measured_depth) for one in first] == [depth for depth in depths for _ in range(2)]
     # In a string of steel the first says that it does not know. From half a turn on the gyro is believed; before it,
     # the biases may have changed since the station above.
     assert first[0].survey.station.verdict == "doubtful"

@@ -20,7 +20,9 @@ def view_of(browser):
     return browser.execute_script("return document.body.dataset.view")
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(
+    "size", [SIZES[0], *(pytest.param(size, marks=pytest.mark.nightly) for size in SIZES[1:3]), *SIZES[3:]]
+)
 def test_every_tab_fills_the_page_by_its_address(browser, size):
     with rig_on(browser, size) as rig:
         for name in TABS:

@@ -127,7 +127,7 @@ def beyond(limit):
 
 @pytest.mark.slow(20)
 @pytest.mark.fault_case(3)
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(data=st.data())
 def test_any_double_beyond_the_gate_in_one_sample_has_the_effect_of_a_missing_value(data):
     """In every channel at once, each at a place of its own."""
@@ -196,7 +196,7 @@ def test_tiny_values_are_readings_that_break_nothing(edits):
 
 @pytest.mark.slow(20)
 @pytest.mark.fault_case(3)
-@settings(max_examples=8, phases=[Phase.explicit, Phase.generate])
+@settings(max_examples=5, phases=[Phase.explicit, Phase.generate])
 @given(
     channel=st.sampled_from(["gyro", "precision gyro"]),
     axis=st.integers(0, 2),
@@ -219,7 +219,7 @@ def test_one_wrong_rate_within_the_range_has_the_effect_of_a_missing_value(chann
 
 
 @pytest.mark.slow(5)
-@pytest.mark.parametrize("length", [2, 3, 4])
+@pytest.mark.parametrize("length", [2, pytest.param(3, marks=pytest.mark.nightly), 4])
 @pytest.mark.parametrize("place", [500, 1500])
 def test_some_wrong_rates_in_a_row_leave_the_angles_within_their_sigma(length, place):
     clean = _clean()
@@ -258,15 +258,13 @@ def test_the_sign_of_zero_says_nothing():
 @pytest.mark.parametrize("share", [1.0, 0.999 * MARGIN])
 def test_between_its_range_and_the_gate_a_gyro_is_taken_for_clipped(axis, share):
     value = share * math.radians(2000.0)
-    clean = _clean()
-    for place in (500, 1500):
-        _, _, _, spoilt = _output(_with(("gyro", axis, [place], value)))
-        rows = spoilt.attitude
-        # Alone among slow rates it is missing, as any other wrong sample.
-        assert rows["status"][place] & (Status.CLIPPED | Status.REJECTED)
-        error = np.abs(wrap_pi(rows["azimuth"] - clean.attitude["azimuth"]))
-        known = np.isfinite(rows["sigma_azimuth"])
-        assert (error[known] <= rows["sigma_azimuth"][known] + 1e-3).all(), place
+    clean, places = _clean(), [500, 1500]
+    rows = _output(_with(("gyro", axis, places, value)))[3].attitude
+    # Alone among slow rates it is missing, as any other wrong sample.
+    assert (rows["status"][places] & (Status.CLIPPED | Status.REJECTED) != 0).all()
+    error = np.abs(wrap_pi(rows["azimuth"] - clean.attitude["azimuth"]))
+    known = np.isfinite(rows["sigma_azimuth"])
+    assert (error[known] <= rows["sigma_azimuth"][known] + 1e-3).all()
 
 
 @pytest.mark.parametrize(("power", "words"), [(3, "mT"), (4, "G"), (6, "uT"), (7, "mG"), (9, "nT")])

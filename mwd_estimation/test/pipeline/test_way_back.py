@@ -115,7 +115,7 @@ CASES = [
     ("mag", "stuck", "all", FaultCode.DEAD),
     ("mag", "garbage", "all", FaultCode.NOISE),
     ("mag", "in_nt", "all", FaultCode.UNIT),
-    ("mag", "in_gauss", "all", FaultCode.UNIT),
+    pytest.param("mag", "in_gauss", "all", FaultCode.UNIT, marks=pytest.mark.nightly),
     ("mag", "flipped", "all", FaultCode.SIGN),
     ("mag", "swapped", "yz", FaultCode.AXES),
     ("precision_gyro", "stuck", "y", FaultCode.STUCK),
@@ -145,7 +145,13 @@ def test_a_fault_that_ends_leaves_no_trace(component, word, axis, code):
 
 @pytest.mark.fault_case(48)
 @pytest.mark.parametrize(
-    ("name", "until_s"), [("drillvib", 32.0), ("drillvib", 1e9), ("vib50", 1e9), ("stickslip", 1e9)]
+    ("name", "until_s"),
+    [
+        ("drillvib", 32.0),
+        ("stickslip", 1e9),
+        pytest.param("drillvib", 1e9, marks=pytest.mark.nightly),
+        pytest.param("vib50", 1e9, marks=pytest.mark.nightly),
+    ],
 )
 def test_loss_of_a_third_is_held_against_no_sensor(name, until_s):
     rng, streams = np.random.default_rng(5), dict(sent(name)[0])
@@ -159,7 +165,16 @@ def test_loss_of_a_third_is_held_against_no_sensor(name, until_s):
 
 
 @pytest.mark.fault_case(9)
-@pytest.mark.parametrize(("axis", "rate"), [(0, 0.05), (1, 0.02), (1, 0.1), (2, 0.3), (1, 0.6)])
+@pytest.mark.parametrize(
+    ("axis", "rate"),
+    [
+        (0, 0.05),
+        (1, 0.02),
+        (2, 0.3),
+        pytest.param(1, 0.1, marks=pytest.mark.nightly),
+        pytest.param(1, 0.6, marks=pytest.mark.nightly),
+    ],
+)
 def test_a_gyro_that_drifts_is_named_at_rest_and_the_healthy_unit_stays_in_use(axis, rate):
     streams = dict(sent()[0])
     imu = streams["imu/data_raw"] = streams["imu/data_raw"].copy()
@@ -192,8 +207,21 @@ def test_a_gyro_that_has_drifted_and_is_replaced_is_used_again():
 
 
 @pytest.mark.fault_case(51)
-@pytest.mark.parametrize("topic", ["imu/mag", "gyro/data_raw"])
-@pytest.mark.parametrize(("off", "one"), [(5.0, True), (1e8, True), (-12.0, False), (12.0, False), (3600.0, False)])
+@pytest.mark.parametrize(
+    ("topic", "off", "one"),
+    [
+        ("imu/mag", 5.0, True),
+        ("imu/mag", -12.0, False),
+        ("imu/mag", 3600.0, False),
+        ("gyro/data_raw", 1e8, True),
+        ("gyro/data_raw", 12.0, False),
+        *(pytest.param("imu/mag", *one, marks=pytest.mark.nightly) for one in ((1e8, True), (12.0, False))),
+        *(
+            pytest.param("gyro/data_raw", *one, marks=pytest.mark.nightly)
+            for one in ((5.0, True), (-12.0, False), (3600.0, False))
+        ),
+    ],
+)
 def test_stamps_that_were_wrong_leave_no_trace(topic, off, one):
     streams = dict(sent()[0])
     samples = streams[topic] = streams[topic].copy()

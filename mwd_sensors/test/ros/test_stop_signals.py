@@ -117,18 +117,24 @@ def environment(tmp_path) -> dict[str, str]:
     return {**os.environ, "ROS_LOG_DIR": str(tmp_path)}
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("moment", ["make", "configure"])
+@pytest.mark.parametrize(("moment", "number"), [("make", signal.SIGINT), ("configure", signal.SIGTERM)])
 def test_a_node_that_hangs_in_native_code_while_it_starts_ends_when_asked(moment, number, environment):
     status, output, _ = asked_to_end(moment, number, environment=environment)
     assert (status, output.splitlines()[-1]) == (0, "stopped while it was starting")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("moment", ["idle", "busy", "exit", "background"])
-def test_a_node_ends_in_order_however_often_and_whenever_it_is_asked(moment, number, environment):
-    both = (number, signal.SIGTERM, signal.SIGINT) * 20
-    status, output, _ = asked_to_end(moment, *(() if moment == "exit" else both), environment=environment)
+@pytest.mark.parametrize(
+    ("moment", "numbers"),
+    [
+        ("idle", (signal.SIGINT, signal.SIGTERM)),
+        ("idle", (signal.SIGTERM, signal.SIGINT)),
+        ("busy", (signal.SIGINT, signal.SIGTERM)),
+        ("background", (signal.SIGTERM, signal.SIGINT)),
+        ("exit", ()),
+    ],
+)
+def test_a_node_ends_in_order_however_often_and_whenever_it_is_asked(moment, numbers, environment):
+    status, output, _ = asked_to_end(moment, *numbers * 20, environment=environment)
     assert (status, "Traceback" in output, "Thread" in output) == (0, False, False)
 
 

@@ -63,30 +63,36 @@ def test_a_long_list_flows_over_pages_and_repeats_its_titles():
     assert reader.metadata.title == "Survey report Åsgard Ω-1, Ω-1 ST0"
 
 
-@pytest.mark.parametrize("wide", [True, False])
-@pytest.mark.parametrize("height_to_width", [0.2, 0.7, 1.0, 3.0])
-def test_a_drawing_lies_whole_on_the_page_of_its_heading(table, height_to_width, wide):
+def tall_section(height_to_width, wide):
+    """Two drawings of a given ratio of height to width under a heading that names it."""
+
     def draw():
         return Figure(figsize=(4.0, 4.0 * height_to_width))
 
-    drawings = tuple(Drawing(caption, draw, wide=wide) for caption in ("caption one", "caption two"))
-    whole = dataclasses.replace(table, sections=(*table.sections, Section("Tall heading", drawings=drawings)))
-    places = []
-    for number, page in enumerate(pypdf.PdfReader(io.BytesIO(report_pdf(whole))).pages):
+    captions = (f"one of {height_to_width}", f"two of {height_to_width}")
+    return Section(f"Heading of {height_to_width}", drawings=tuple(Drawing(one, draw, wide=wide) for one in captions))
 
-        def image(operator, operands, current, _text, number=number, page=page):
+
+@pytest.mark.parametrize("wide", [True, False])
+def test_drawings_lie_whole_on_the_page_of_their_heading(table, wide):
+    heights_to_widths, headed = (0.2, 0.7, 1.0, 3.0), []
+    sections = (*table.sections, *(tall_section(ratio, wide) for ratio in heights_to_widths))
+    for page in pypdf.PdfReader(io.BytesIO(report_pdf(dataclasses.replace(table, sections=sections)))).pages:
+        seen = []
+
+        def image(operator, operands, current, _text, page=page, seen=seen):
             if operator == b"Do":
                 width, _, _, height, x, y = current
                 assert y >= 0.0
                 assert x + width <= float(page.mediabox.width)
-                places.append((number, height / width))
+                seen.append(height / width)
 
         text = page.extract_text(visitor_operand_before=image)
-        headed = "Tall heading" in text
-        assert headed == ("caption one" in text)
-        if headed:
-            first = number
-    assert (first, pytest.approx(height_to_width, rel=0.01)) in places
+        here = [ratio for ratio in heights_to_widths if f"Heading of {ratio}" in text]
+        assert here == [ratio for ratio in heights_to_widths if f"one of {ratio}" in text]
+        assert all(pytest.approx(ratio, rel=0.01) in seen for ratio in here)
+        headed += here
+    assert headed == list(heights_to_widths)
 
 
 _FOOT_MM = 12.0  # margin with the page number

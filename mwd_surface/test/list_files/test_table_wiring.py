@@ -63,7 +63,7 @@ def faults(g, b, printed):
     return set(codes)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 1000), p=st.integers(0, 47), q=st.integers(0, 47))
 def test_with_angles_in_the_table_every_wrong_wiring_that_moves_the_hole_is_named(seed, p, q):
     g, b, printed = run(seed)

@@ -66,11 +66,12 @@ def played(seed, hours, *, counted):
     raise AssertionError("the battery never ends")
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(5)
+@pytest.mark.parametrize("batteries", [30, pytest.param(60, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("counted", [True, False])
-def test_the_remaining_time_is_within_its_sigma_of_the_simulated_battery(counted):
+def test_the_remaining_time_is_within_its_sigma_of_the_simulated_battery(counted, batteries):
     errors, sigmas = [], []
-    for seed in range(60):
+    for seed in range(batteries):
         state, true_h = played(seed, 8.0, counted=counted)
         errors.append(state.remaining / 3600.0 - true_h)
         sigmas.append(state.sigma_remaining / 3600.0)

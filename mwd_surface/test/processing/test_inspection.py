@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rosbags.rosbag1 import Writer as Ros1Writer
-from rosbags.typesys import Stores, get_typestore
 
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
@@ -108,12 +106,11 @@ def test_the_printed_command_reads_a_recording_as_it_was_made(name, sent, tmp_pa
     assert float(survey["azimuth_deg"]) == pytest.approx(40.0, abs=2.0)
 
 
-@pytest.mark.parametrize("frames", [("imu_link", "imu_link"), ("imu_link", "mag_link")])
-@pytest.mark.parametrize("name", ["y-up", "z-down", "x-up"])
-def test_a_magnetometer_mounted_otherwise_than_the_imu_is_found_by_the_dip(name, frames, sent, tmp_path):
+@pytest.mark.parametrize(("name", "frame"), [("y-up", "imu_link"), ("z-down", "mag_link"), ("x-up", "mag_link")])
+def test_a_magnetometer_mounted_otherwise_than_the_imu_is_found_by_the_dip(name, frame, sent, tmp_path):
     imu, mag = (one.copy() for one in sent)
     mag["magnetic_field"] = mag["magnetic_field"] @ PRESETS[name]
-    found = inspected(written(tmp_path / "bag", imu, mag, frames=frames))
+    found = inspected(written(tmp_path / "bag", imu, mag, frames=("imu_link", frame)))
     assert shlex.split(found.command)[5:7] == ["--mount", f"mag={name}"]
     (survey,) = processed(found.command)
     assert survey["verdict"] == "accept"
@@ -181,33 +178,3 @@ def test_gaps_repeated_stamps_and_another_clock_are_named(sent, tmp_path):
     assert "/sensors/imu: a gap of 1.51 s, 10.0 s after the start" in text
     assert "/sensors/imu: a stamp does not advance: it repeats or goes back" in text
     assert "/sensors/mag: its clock is 90.0 s behind the clock of the recorder" in text
-
-
-def test_a_recording_of_ros_1_gives_the_bits_of_one_of_ros_2(sent, tmp_path):
-    imu, mag = sent
-    store = get_typestore(Stores.ROS1_NOETIC)
-    types, nothing = store.types, np.zeros(9)
-    vector = types["geometry_msgs/msg/Vector3"]
-    with Ros1Writer(tmp_path / "one.bag") as bag:
-        channels = {
-            name: bag.add_connection(topic, name, typestore=store)
-            for topic, name in (("/imu/data_raw", wire.IMU.type_name), ("/imu/mag", wire.MAG.type_name))
-        }
-        for k, (a, b) in enumerate(zip(imu, mag, strict=True)):
-            sec, nanosec = divmod(int(a["stamp_ns"]), wire.NANOSECONDS)
-            header = types["std_msgs/msg/Header"](k, types["builtin_interfaces/msg/Time"](sec, nanosec), "imu_link")
-            none = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-            gyro, accel, field = (
-                vector(*v) for v in (a["angular_velocity"], a["linear_acceleration"], b["magnetic_field"])
-            )
-            one = types[wire.IMU.type_name](header, none, nothing, gyro, nothing, accel, nothing)
-            two = types[wire.MAG.type_name](header, field, nothing)
-            for message, name in ((one, wire.IMU.type_name), (two, wire.MAG.type_name)):
-                bag.write(channels[name], int(a["stamp_ns"]), store.serialize_ros1(message, name))
-    with Bag(tmp_path / "one.bag") as bag:
-        assert any("the recording is of ROS 1" in note for note in bag.notes)
-        parts = [block["/imu/data_raw"][1] for block in bag.blocks(["/imu/data_raw"])]
-    read_back = np.concatenate(parts)
-    for field in ("stamp_ns", "angular_velocity", "linear_acceleration"):
-        assert np.array_equal(read_back[field], imu[field])
-    assert processed(inspected(tmp_path / "one.bag").command)[0]["verdict"] == "accept"

@@ -439,7 +439,7 @@ def test_json_that_would_need_far_more_memory_than_its_size_is_refused_by_name(t
         pressure_files.read(tmp_path / "p.json")
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(
     st.sampled_from(
         [

@@ -81,10 +81,15 @@ def test_a_statement_of_points_or_means_is_kept(stated):
     assert followed(STATED[stated], imu, [])[0].samples_are == ""
 
 
+@functools.cache
+def in_one_piece() -> tuple[np.ndarray, Track]:
+    imu, _ = stick_slip("sampled", 100, 60.0, 1.0, 5)
+    return imu, followed(STATED["integrated"], imu, [])[1]
+
+
 @given(st.lists(st.integers(0, 6000), max_size=5).map(sorted))
 def test_the_meaning_is_found_at_the_same_sample_however_the_stream_is_cut(cuts):
-    imu, _ = stick_slip("sampled", 100, 60.0, 1.0, 5)
-    _, whole = followed(STATED["integrated"], imu, [])
+    imu, whole = in_one_piece()
     state, track = followed(STATED["integrated"], imu, cuts)
     assert state.samples_are == "points"
     assert all(np.array_equal(a, b) for a, b in zip(track, whole, strict=True))

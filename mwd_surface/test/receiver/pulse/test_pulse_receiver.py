@@ -168,8 +168,8 @@ def test_what_the_tool_has_not_measured_is_erased_and_nothing_else():
     assert all(np.isnan(one.value) for one in words if one.status != BELIEVED)
 
 
-@pytest.mark.slow(5)
-@pytest.mark.parametrize("hours", [3, pytest.param(10, marks=pytest.mark.nightly)])
+@pytest.mark.slow(4)
+@pytest.mark.parametrize("hours", [2, pytest.param(10, marks=pytest.mark.nightly)])
 def test_nothing_is_believed_in_hours_of_noise(hours):
     """Drilling with two pumps, connections, and no tool; a tool that begins with one word leaves most to chance."""
     tool = dataclasses.replace(FAST, survey_sequences=("Inc:12:P",), toolface_sequences=("aTFA:6:P",))

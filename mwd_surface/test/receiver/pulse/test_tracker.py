@@ -70,7 +70,7 @@ def test_any_cut_gives_the_same_words_over_an_interruption():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [0.02, 0.05])
+@pytest.mark.parametrize("share", [pytest.param(0.02, marks=pytest.mark.nightly), 0.05])
 def test_missing_pulses_make_words_unsure_and_not_wrong(share):
     believed = wrong = total = 0
     for seed in range(4):
