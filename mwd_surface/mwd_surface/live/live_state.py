@@ -174,16 +174,16 @@ class LiveState:
         self.on_stream("recorder", 1, now)
         self.show(now, recorder=status)
 
-    def on_stream(self, stream: str, count: int, now: float, lost: int = 0) -> None:
+    def on_stream(self, stream: str, count: int, now: float) -> None:
         """
-        Count messages of a stream, for its rate, age and losses.
+        Count messages of a stream, for its rate and age.
 
         Raises
         ------
         ValueError
             The stream is unknown.
         """
-        self._values.arrived(stream, count, now, lost)
+        self._values.arrived(stream, count, now)
 
     def on_attitude(self, samples: Samples, now: float) -> None:
         """Accept attitudes, `wire.ATTITUDE`, oldest first, and select the toolface (`toolface_reading`)."""
