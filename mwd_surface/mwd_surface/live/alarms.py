@@ -21,6 +21,9 @@ from mwd_sensors.core.message_record import MessageRecord
 # alarm that is no longer active; if all are active, the new alarm is refused and an event is logged.
 _MAX_ALARMS, _MAX_EVENTS = 200, 1000
 
+Causes = dict[str, tuple[int, str, str]]
+"""Id of an alarm -> severity, text and remedy."""
+
 
 class Severity(enum.IntEnum):
     """Severity of an alarm or event, with the numbers of mwd_msgs/Alarm."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
-from mwd_surface.live.alarms import Severity
+from mwd_surface.live.alarms import Causes, Severity
 from mwd_surface.live.source_selection import SourceSelection
 from mwd_surface.live.well_context import WellContext
 
@@ -134,7 +134,7 @@ class StreamDecoder:
 
         Called once a second. now: steady time, s.
         """
-        causes: dict[str, tuple[int, str, str]] = {}
+        causes: Causes = {}
         for topic, selection in self._sources.items():
             if others := selection.uninvited(now):
                 text = f"{topic} comes from {', '.join([str(selection.source), *others])}: {selection.source} is used"

@@ -12,11 +12,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
-from mwd_surface.live.alarms import Severity
+from mwd_surface.live.alarms import Causes, Severity
 from mwd_surface.live.inputs import DISAGREEMENT
-
-Causes = dict[str, tuple[int, str, str]]
-"""Id of an alarm -> severity, text and remedy."""
 
 
 @dataclasses.dataclass(frozen=True)
