@@ -132,6 +132,6 @@ def stretches():
     return tuple(found)
 
 
-def table(**changes):
+def table(plan=None, **changes):
     whole = surveys(dataclasses.replace(WELL, **changes.pop("well", {})), changes.pop("tie_on", VERTICAL))
-    return survey_table(whole, MADE, software="mwd 0.1.0", **changes)
+    return survey_table(whole if plan is None else whole.along(plan), MADE, software="mwd 0.1.0", **changes)

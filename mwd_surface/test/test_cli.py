@@ -17,6 +17,7 @@ from rich.console import Console
 from mwd_estimation.core.north import North
 from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_surface import cli
+from mwd_surface.commands import terminal
 from mwd_surface.commands.survey_table import show_surveys
 from mwd_surface.surveys.survey_record import SurveyRecord
 from project import REFERENCE_DATA
@@ -237,8 +238,9 @@ def test_the_options_are_the_reference_where_the_table_has_none(tmp_path):
         assert line["verdict"] == ("doubtful" if north == "magnetic" else "accept")
 
 
-def test_the_widest_figures_of_a_station_fit_a_plain_terminal():
+def test_the_widest_figures_of_a_station_fit_a_plain_terminal(monkeypatch):
     screen = io.StringIO()
+    monkeypatch.setattr(terminal, "output", lambda: Console(file=screen, width=80))
     survey = Survey(
         0,
         "",
@@ -254,7 +256,7 @@ def test_the_widest_figures_of_a_station_fit_a_plain_terminal():
         headline="the field has no horizontal part",
     )
     numbered = [dataclasses.replace(survey, sequence=k) for k in range(1, 121)]
-    show_surveys(Console(file=screen, width=80), [SurveyRecord(one, 12345.6) for one in numbered])
+    show_surveys([SurveyRecord(one, 12345.6) for one in numbered])
     row = screen.getvalue().splitlines()[2]
     assert " ".join(row.split()) == "109 12345.6 114.59 ±0.29 359.8 ±11.5 magnetic 343.8 51234 -68.75 doubtful"
     # One line says what to do about all stations with the same reason.

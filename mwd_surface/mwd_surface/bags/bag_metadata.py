@@ -149,6 +149,14 @@ def parse_qos(given: str | Sequence[Mapping[str, Any]] | None) -> list[dict[str,
     return profiles
 
 
+def qos_if_readable(given: str) -> list[dict[str, Any]]:
+    """Return the profiles as `parse_qos` does; an empty list for a text that it refuses."""
+    try:
+        return parse_qos(given)
+    except ValueError:
+        return []
+
+
 def qos_text(profiles: Sequence[Mapping[str, Any]]) -> str:
     """Return the profiles as YAML text for the metadata of an MCAP channel; "" if the list is empty."""
     return _dump([dict(profile) for profile in profiles]).strip() if profiles else ""

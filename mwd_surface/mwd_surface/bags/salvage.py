@@ -69,12 +69,11 @@ def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
 def _copied(bag: Bag, target: Path) -> RecoveryReport:
     """Copy all readable messages of a bag to a new bag at `target`; return a report."""
     messages = ((log_ns, name, data) for log_ns, name, _, data in bag.messages())
-    counts = _write(target, dict(bag.topics), messages)
+    saved = _write(target, dict(bag.topics), messages)
     return RecoveryReport(
         bag.path,
         target,
-        messages=sum(counts.values()),
-        topics=counts,
+        messages=saved,
         damages=int(not bag.complete),
         lost_bytes=bag.lost_bytes,
         start_ns=bag.start_ns,
@@ -83,15 +82,13 @@ def _copied(bag: Bag, target: Path) -> RecoveryReport:
     )
 
 
-def _write(target: Path, topics: dict[str, TopicInfo], messages: Iterator[tuple[int, str, bytes]]) -> dict[str, int]:
-    """Write messages to a new bag; return the number of messages of each topic."""
-    counts: dict[str, int] = {}
+def _write(target: Path, topics: dict[str, TopicInfo], messages: Iterator[tuple[int, str, bytes]]) -> int:
+    """Write messages to a new bag; return their number."""
     with BagWriter(target) as writer:
         channels = {one.name: writer.copy_topic(one) for one in topics.values()}
         for log_ns, name, data in messages:
             writer.write(channels[name], data, log_ns)
-            counts[name] = counts.get(name, 0) + 1
-    return counts
+        return writer.messages
 
 
 def _saved(path: Path, files: list[Path], target: Path, reason: str) -> RecoveryReport:
@@ -113,13 +110,10 @@ def _saved(path: Path, files: list[Path], target: Path, reason: str) -> Recovery
                 times.append(row[0])
                 yield row
 
-        counts = _write(target, topics, messages())
+        saved = _write(target, topics, messages())
         lost = sum(one.lost for one in databases)
     notes = (reason, f"{lost} rows of messages could not be read") if lost else (reason,)
-    saved = sum(counts.values())
-    return RecoveryReport(
-        path, target, messages=saved, topics=counts, damages=1, start_ns=min(times), end_ns=max(times), notes=notes
-    )
+    return RecoveryReport(path, target, messages=saved, damages=1, start_ns=min(times), end_ns=max(times), notes=notes)
 
 
 class _Database:

@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+import math
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_sensors.core import settings
+from mwd_surface.commands import terminal
 from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.reference_options import PLACE, GivenPlace
+from mwd_surface.commands.reference_options import PLACE, GivenPlace, numbers_in, place_changes
 
 if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
@@ -53,11 +57,8 @@ def sag(
       mwd sag bha.yaml
       mwd sag bha.yaml --inclination 0:90:5 --build=-3:3:1.5 -o sag.csv
     """
-    import math
-
     from mwd_estimation.assembly.assembly import read_assembly
     from mwd_estimation.assembly.sag import sag as sag_of
-    from mwd_surface.commands import terminal
 
     described = read_assembly(assembly)
     builds = [described.build_deg_30m] if build is None else _numbers("--build", build)
@@ -125,11 +126,8 @@ def spacing(
       mwd spacing bha.yaml --inclination 60 --azimuth 85 --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd spacing --inclination 90 --azimuth 90 --field 50360,71.63,-2.2 --limit 0.3 --below bit
     """
-    import math
-
     from mwd_estimation.assembly.assembly import read_assembly
     from mwd_estimation.core.reference_field import north_correction
-    from mwd_surface.commands import terminal
     from mwd_surface.uncertainty import collar_spacing
 
     reference = _reference(place)
@@ -173,8 +171,6 @@ def _poles_of(
 
     poles, below_length : values for an assembly that has no such steel.
     """
-    import math
-
     up = max((piece.pole for piece in pieces if math.isinf(piece.length)), default=poles[0])
     finite = [piece for piece in pieces if math.isfinite(piece.length)]
     if not finite:
@@ -184,12 +180,8 @@ def _poles_of(
 
 
 def _reference(place: GivenPlace) -> Reference:
-    import time
-
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_estimation.settings.place import reference_of
-    from mwd_sensors.core import settings
-    from mwd_surface.commands.reference_options import place_changes
 
     changes = place_changes(*place)
     reference = reference_of(settings.changed(EstimatorSettings(), changes).place, time.time_ns())
@@ -219,12 +211,7 @@ def _numbers(option: str, text: str) -> list[float]:
     option: name of the option, for the message. Raises ValueError if the text has another form, STEP is not above 0,
     LOW is above HIGH, or there are too many values.
     """
-    import math
-
-    try:
-        parts = [float(part) for part in text.split(":" if ":" in text else ",")]
-    except ValueError:
-        parts = []
+    parts = numbers_in(text, ":" if ":" in text else ",")
     if not parts or not all(math.isfinite(part) for part in parts) or (":" in text and len(parts) not in (2, 3)):
         raise ValueError(f"{option} {text}: expected LOW:HIGH, LOW:HIGH:STEP or numbers separated by commas")
     if ":" not in text:
@@ -239,8 +226,6 @@ def _numbers(option: str, text: str) -> list[float]:
 
 
 def _show_sag(rows: list[tuple[float, float, float]]) -> None:
-    from mwd_surface.commands import terminal
-
     table = terminal.table(("inclination deg", "build deg/30m", "add to inclination deg"))
     for angle, rate, correction in rows:
         table.add_row(f"{angle:g}", f"{rate:g}", f"{round(correction, 3) + 0.0:+.3f}")
@@ -248,8 +233,6 @@ def _show_sag(rows: list[tuple[float, float, float]]) -> None:
 
 
 def _show_pieces(pieces: tuple[Steel, ...]) -> None:
-    from mwd_surface.commands import terminal
-
     table = terminal.table(("steel", "from sensors m", "length m", "pole uWb", "field nT"), left=("steel",))
     for piece in pieces:
         length = f"{piece.length:.1f}" if piece.length < 1e6 else "string"

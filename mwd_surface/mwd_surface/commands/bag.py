@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from mwd_surface.commands import terminal
+
 bag = typer.Typer(no_args_is_help=True, help="Inspect and repair recordings.")
 
 
@@ -25,15 +27,13 @@ def info(
     """
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.bags.mcap.writer import is_being_written
-    from mwd_surface.commands import terminal
 
-    console = terminal.output()
     with Bag(path) as opened:
         start = datetime.datetime.fromtimestamp(opened.start_ns * 1e-9, tz=datetime.UTC)
         size = sum(file.stat().st_size for file in ([path] if path.is_file() else path.iterdir()) if file.is_file())
-        console.print(f"{path}: {opened.message_count} messages, {size / 1e6:.1f} MB", markup=False)
+        terminal.tell(f"{path}: {opened.message_count} messages, {size / 1e6:.1f} MB")
         about = f"from {start:%Y-%m-%d %H:%M:%S} UTC, {opened.duration_s:.1f} s; rates are means over this time"
-        console.print(about, markup=False)
+        terminal.tell(about)
         topics = sorted([*opened.topics.values(), *opened.unreadable.values()], key=lambda one: one.name)
         longest = max(len(topic.name) for topic in topics)
         kinds = max(len(topic.type_name) for topic in topics)
@@ -41,11 +41,10 @@ def info(
             rate = (topic.count - 1) / opened.duration_s if topic.count > 1 and opened.duration_s > 0.0 else 0.0
             often = f"{rate:9.1f} Hz" if rate else ""
             line = f"  {topic.name:<{longest}}  {topic.type_name:<{kinds}}  {topic.count:>9}{often}"
-            console.print(line.rstrip(), markup=False)
+            terminal.tell(line.rstrip())
         for attachment in opened.attachments():
-            console.print(f"attached: {attachment.name} ({len(attachment.data)} bytes)", markup=False)
-        for note in opened.notes:
-            terminal.warn(note)
+            terminal.tell(f"attached: {attachment.name} ({len(attachment.data)} bytes)")
+        terminal.warn(*opened.notes)
         if is_being_written(path):
             terminal.remark(f"{path} is being recorded")
         elif not opened.complete:
@@ -77,18 +76,15 @@ def recover(
       mwd recover old.bag -o saved
     """
     from mwd_surface.bags import salvage
-    from mwd_surface.commands import terminal
 
-    console = terminal.output()
     if not path.exists():
         raise FileNotFoundError(2, "recording not found", str(path))
     reports = salvage.recover(path, output)
     for report in reports:
-        console.print(report.sentence(), markup=False)
-        for note in report.notes:
-            terminal.warn(note)
+        terminal.tell(report.sentence())
+        terminal.warn(*report.notes)
         if report.target is not None:
-            console.print(f"written: {report.target}", markup=False)
+            terminal.tell(f"written: {report.target}")
     if not any(report.messages for report in reports):
         raise ValueError(f"{path}: nothing could be saved")
 

@@ -10,9 +10,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands import terminal
 from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.recording_options import READING, Reading, input_settings
-from mwd_surface.commands.reference_options import PLACE, Changes, Config, GivenPlace
+from mwd_surface.commands.reference_options import (
+    PLACE,
+    Changes,
+    Config,
+    GivenPlace,
+    assignments,
+    placed_settings,
+    recording_changes,
+)
 
 if TYPE_CHECKING:
     from mwd_surface.fleet.fleet_task import Outcome
@@ -61,9 +70,7 @@ def batch(
         list[str], typer.Argument(help="Recordings, folders that contain recordings, or patterns with * and **.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the data set; created if missing.")],
-    method: Annotated[
-        str | None, typer.Option("--method", help="Method that estimates gravity, as in `mwd process`.")
-    ] = None,
+    method: Annotated[str | None, typer.Option(help="Method that estimates gravity, as in `mwd process`.")] = None,
     config: Config = None,
     changes: Changes = None,
     scheduler: Scheduler = "local",
@@ -91,9 +98,6 @@ def batch(
       mwd batch '/data/**/*.mcap' -o /data/fleet --scheduler tcp://10.0.0.5:8786
       duckdb -c "select bag, count(*) from 'fleet/surveys/*.parquet' where verdict = 'accept' group by bag"
     """
-    from mwd_surface.commands import terminal
-    from mwd_surface.commands.reference_options import assignments, placed_settings, recording_changes
-
     try:
         from mwd_surface.fleet import fleet_index, fleet_run
     except ModuleNotFoundError as error:
@@ -133,7 +137,6 @@ def batch(
 
 def _show(output: Path, index: Path, outcomes: Sequence[Outcome], elapsed: float) -> int:
     """Print the totals of a batch of recordings; return the number of recordings that failed."""
-    from mwd_surface.commands import terminal
     from mwd_surface.fleet.fleet_dataset import FAILED
 
     fresh = [one for one in outcomes if not one.kept and one.row["outcome"] != FAILED]

@@ -3,10 +3,15 @@
 
 from __future__ import annotations
 
+import datetime
+import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from mwd_surface.commands import terminal
+from mwd_surface.commands.version import version_lines
 
 
 def bundle(
@@ -27,11 +32,6 @@ def bundle(
     Example:
       mwd bundle out/20260301_060000_well_1
     """
-    import datetime
-    import os
-
-    from mwd_surface.commands import terminal
-    from mwd_surface.commands.version import version_lines
     from mwd_surface.runs.bundle import write
 
     if minutes < 0.0:
@@ -39,10 +39,8 @@ def bundle(
     target = output or Path(f"mwd_bundle_{datetime.datetime.now(tz=datetime.UTC):%Y%m%d_%H%M%S}.zip")
     with terminal.waiting("packing"):
         packed = write(folder, target.resolve(), minutes, "\n".join(version_lines()), os.environ)
-    console = terminal.output()
-    for remark in packed.remarks:
-        terminal.warn(remark)
+    terminal.warn(*packed.remarks)
     what = f"; contains the end of {packed.recording}" if packed.recording is not None and not packed.remarks else ""
     size = target.stat().st_size / 1e6
-    console.print(f"{target}: {len(packed.names)} files, {size:.1f} MB{what}", markup=False)
-    console.print("check the file before you send it: a recording contains data of the well", markup=False)
+    terminal.tell(f"{target}: {len(packed.names)} files, {size:.1f} MB{what}")
+    terminal.tell("check the file before you send it: a recording contains data of the well")

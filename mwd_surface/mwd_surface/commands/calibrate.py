@@ -3,14 +3,20 @@
 
 from __future__ import annotations
 
+import dataclasses
+import datetime
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mwd_sensors.core.settings import SettingsError, unknown_key
+from mwd_surface.commands import terminal
 from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
-from mwd_surface.commands.reference_options import FIELD_PANEL, PLACE, GivenPlace, field_figures
+from mwd_surface.commands.reference_options import FIELD_PANEL, PLACE, GivenPlace, field_figures, place_changes
+from mwd_surface.commands.scenario import Seed
 
 if TYPE_CHECKING:
     from mwd_sensors.calibration.triad_calibration import Calibration
@@ -34,9 +40,7 @@ def calibrate(
     grade: Annotated[
         str | None, typer.Option(help="Instrument grade of the simulated unit; by default the grade in the scenario.")
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of the random numbers; by default the seed of the scenario.")
-    ] = None,
+    seed: Seed = None,
     gravity: Annotated[
         float | None, typer.Option(help="Gravity at the place of the run, m/s².", rich_help_panel=FIELD_PANEL)
     ] = None,
@@ -57,7 +61,6 @@ def calibrate(
       mwd calibrate bags/tumble_12 -o probe_12.yaml --lat 60.4 --lon 5.3
       mwd calibrate tumble -o precision.yaml --unit precision --grade tactical_north
     """
-    from mwd_surface.commands import terminal
     from mwd_surface.runs import calibration_run
 
     data, scenario, day_ns = _data(run, unit, grade, seed, reading)
@@ -77,7 +80,7 @@ def calibrate(
     about["temperature_c"] = [round(float(limit), 1) for limit in (data.celsius.min(), data.celsius.max())]
     calibration_run.write(output, found, about)
     _show(data.source, unit, found)
-    terminal.output().print(f"written: {output}", markup=False)
+    terminal.tell(f"written: {output}")
 
 
 def _data(
@@ -89,10 +92,8 @@ def _data(
     The start is in ns since the epoch, 0 for a simulation. Raises SettingsError for an unknown unit, and ValueError for
     options that have no use with a recording or with a scenario.
     """
-    from mwd_sensors.core.settings import SettingsError, unknown_key
     from mwd_surface.bags.bag_files import storage_of
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.commands import terminal
     from mwd_surface.runs import calibration_run
 
     if unit not in calibration_run.UNITS:
@@ -104,8 +105,7 @@ def _data(
         with Bag(path) as bag, terminal.waiting(f"reading {path.name}"):
             data, remarks = calibration_run.recorded(bag, unit, input_settings(reading))
             found = data, calibration_run.scenario_of(bag), bag.start_ns
-        for remark in remarks:
-            terminal.warn(remark)
+        terminal.warn(*remarks)
         return found
     if names := given_names(reading):
         raise ValueError(f"{names[0]} is an option for recordings; {run} is a scenario")
@@ -116,7 +116,6 @@ def _data(
 
 def _show(source: str, unit: str, found: Calibration) -> None:
     """Print the residuals of a calibration and the sensor errors that it found."""
-    from mwd_surface.commands import terminal
     from mwd_surface.commands.spoken_console import SpokenTable
     from mwd_surface.runs import calibration_run
 
@@ -136,8 +135,6 @@ def _show(source: str, unit: str, found: Calibration) -> None:
 
 
 def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:
-    import dataclasses
-
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import SimulatedUnit, read
 
@@ -160,23 +157,15 @@ def _place(given: GivenPlace, day_ns: int) -> tuple[float | None, tuple[float, f
 
     Raises ValueError if options contradict each other or the date is not valid.
     """
-    import datetime
-    import math
-
     from mwd_sensors.core import earth
 
+    place_changes(*given)  # refuses options that contradict each other
     lat, lon, date, field = given
-    if field is not None and lat is None:
+    if field is not None:
         total, dip, _ = field_figures(field)
         return None, (total * 1e-9, math.radians(dip)), "--field"
-    if (lat is None) != (lon is None):
-        raise ValueError("--lat and --lon: give both, or neither")
     if lat is None or lon is None:
-        if date is not None:
-            raise ValueError("--date: has no effect without --lat and --lon")
         return None, None, ""
-    if field is not None:
-        raise ValueError("--field and --lat/--lon: give only one of them; a known field needs no model")
     day = datetime.datetime.fromtimestamp(day_ns * 1e-9, tz=datetime.UTC).date()
     if date is not None:
         try:

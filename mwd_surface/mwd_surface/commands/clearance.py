@@ -3,13 +3,18 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mwd_surface.commands.list_options import PlanSet
+from mwd_surface.commands import terminal
+from mwd_surface.commands.export import Bit, LegName
+from mwd_surface.commands.list_options import PlanSet, read_plan_option
 from mwd_surface.commands.sources import survey_list_at
+from mwd_surface.commands.speech import spoken_figure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,33 +30,22 @@ def clearance(
             metavar="SURVEYS", help="Folder written by `mwd path` or `mwd run`, a surveys.json file, or a recording."
         ),
     ],
-    offsets: Annotated[Path, typer.Option("--offsets", help="YAML file of the offset wells, described above.")],
+    offsets: Annotated[Path, typer.Option(help="YAML file of the offset wells, described above.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
     programme: Annotated[
         Path | None,
-        typer.Option(
-            "--programme", help="YAML file of the survey programme of the well: tool codes by depth interval."
-        ),
+        typer.Option(help="YAML file of the survey programme of the well: tool codes by depth interval."),
     ] = None,
     code: Annotated[
-        str | None, typer.Option("--code", help="ISCWSA tool code of all surveys of the well, e.g. MWD+SRGM.")
+        str | None, typer.Option(help="ISCWSA tool code of all surveys of the well, e.g. MWD+SRGM.")
     ] = None,
     plan: Annotated[
         Path | None,
-        typer.Option(
-            "--plan", help="Planned path. The well is extended along this path by ahead_m of the --offsets file."
-        ),
+        typer.Option(help="Planned path. The well is extended along this path by ahead_m of the --offsets file."),
     ] = None,
     plan_set: PlanSet = None,
-    leg: Annotated[
-        str | None, typer.Option("--leg", help="Leg of the well to use; by default the current leg.")
-    ] = None,
-    bit_depth: Annotated[
-        float | None,
-        typer.Option(
-            "--bit-depth", help="Measured depth of the bit, m; the path is extended from the last survey to this depth."
-        ),
-    ] = None,
+    leg: LegName = None,
+    bit_depth: Bit = None,
 ) -> None:
     """
     Compare a well with its offset wells: separation factor, distance, directions.
@@ -72,9 +66,6 @@ def clearance(
     from mwd_surface.clearance.clearance import ClearanceLevel
     from mwd_surface.clearance.offset_wells import read_offset_wells
     from mwd_surface.clearance.well_clearance import well_clearance
-    from mwd_surface.commands import terminal
-    from mwd_surface.commands.list_options import read_plan_option
-    from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.exports.clearance_csv import clearance_csv
     from mwd_surface.list_files.list_file import is_list
     from mwd_surface.list_files.remark import sentences
@@ -87,8 +78,7 @@ def clearance(
     surveys = _with_model(surveys, programme, code)
     planned = read_plan_option(plan, plan_set, surveys.well)
     near = well_clearance(surveys, read_offset_wells(offsets), planned, bit_depth, leg)
-    for remark in dict.fromkeys((*remarks, *sentences(near.remarks))):
-        terminal.warn(remark)
+    terminal.warn(*dict.fromkeys((*remarks, *sentences(near.remarks))))
     if not near.found:
         raise ValueError(f"--offsets {offsets}: none of the wells can be compared")
     files: dict[str, str | bytes] = {"clearance.csv": clearance_csv(near.found)}
@@ -102,15 +92,13 @@ def clearance(
         files[f"{name}.png"] = png(spoken_figure(figure))
     _show(near.found)
     for one in near.ahead()[:1]:
-        terminal.output().print(f"ahead of the last survey at {near.surveyed:.1f} m: {one.sentence()}", markup=False)
+        terminal.tell(f"ahead of the last survey at {near.surveyed:.1f} m: {one.sentence()}")
     terminal.write(output, files)
     if near.level == ClearanceLevel.STOP or near.refused:
         raise typer.Exit(1)
 
 
 def _with_model(surveys: SurveyList, programme: Path | None, code: str | None) -> SurveyList:
-    import dataclasses
-
     if programme is not None and code is not None:
         raise ValueError("--programme and --code: give only one of them; a programme contains the codes")
     well = surveys.well
@@ -122,10 +110,6 @@ def _with_model(surveys: SurveyList, programme: Path | None, code: str | None) -
 
 
 def _show(found: Sequence[Clearance]) -> None:
-    import math
-
-    from mwd_surface.commands import terminal
-
     names = ("offset well", "depth m", "offset depth m", "distance m", "allowed m", "factor", "toolface deg", "level")
     table = terminal.table(names, left=("offset well",))
     for other in found:

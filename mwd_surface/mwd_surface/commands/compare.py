@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands import terminal
+from mwd_surface.commands.speech import spoken_figure
+
 if TYPE_CHECKING:
     from mwd_surface.processing.compare import Comparison
 
@@ -29,7 +32,6 @@ def compare(
     limit: Annotated[
         list[str] | None,
         typer.Option(
-            "--limit",
             metavar="NAME=VALUE",
             help="Largest allowed difference of a quantity, e.g. survey_azimuth_deg=0.1. May be repeated.",
         ),
@@ -58,7 +60,6 @@ def compare(
       mwd compare bags/run_7 out_old -o both.png
       mwd compare bags/golden/stations
     """
-    from mwd_surface.commands import terminal
     from mwd_surface.processing import compare as runs
     from mwd_surface.processing import golden, run_folder
 
@@ -66,7 +67,7 @@ def compare(
         if run_b is not None or limit:
             raise ValueError("--accept: give only the folder of a golden recording, and no limits")
         golden.accept(run_a)
-        terminal.output().print(f"written: the expected results of {run_a}", markup=False)
+        terminal.tell(f"written: the expected results of {run_a}")
         return
     ours, expected = (run_a / "bag", run_a) if run_b is None else (run_a, run_b)
     if output is not None and output.suffix.lower() != ".png":
@@ -91,7 +92,6 @@ def compare(
 
 
 def _picture(run: Path, expected: Path) -> bytes:
-    from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.plots import run_comparison
     from mwd_surface.plots.drawing import png
     from mwd_surface.processing import run_folder
@@ -120,10 +120,8 @@ def _show(found: Comparison, names: tuple[str, str], *, limited: bool) -> None:
 
     names: names of the runs. limited: whether limits are set; exceeded limits are then printed.
     """
-    from mwd_surface.commands import terminal
-
     console = terminal.output()
-    console.print(f"differences: {names[0]} minus {names[1]}", markup=False)
+    terminal.tell(f"differences: {names[0]} minus {names[1]}")
     if found.stations:
         headings = ("nr", "depth m", "time s", "inclination deg", "azimuth deg", "toolface deg")
         table = terminal.table(headings, title="stations")
@@ -136,14 +134,13 @@ def _show(found: Comparison, names: tuple[str, str], *, limited: bool) -> None:
         figures = (f"{line.mean:+.5f}", f"{line.rms:.5f}", f"{line.largest:.5f}") if line.count else ("-", "-", "-")
         table.add_row(line.name, str(line.count), *figures)
     console.print(table)
-    console.print(
+    terminal.tell(
         f"{found.rows} samples in both, {found.rows_extra} only in the first, {found.rows_missing} only in the second; "
-        f"status differs at {found.status_differs} samples",
-        markup=False,
+        f"status differs at {found.status_differs} samples"
     )
     for failure in found.failures if limited else ():
-        console.print(f"differs: {failure}", markup=False)
+        terminal.tell(f"differs: {failure}")
     differ = (
         f"{len(found.failures)} limits exceeded" if limited else "the runs differ; --limit sets allowed differences"
     )
-    console.print("the runs agree" if found.agree else differ, markup=False)
+    terminal.tell("the runs agree" if found.agree else differ)

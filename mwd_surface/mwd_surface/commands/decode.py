@@ -9,6 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_sensors.core.output_files import write_whole
+from mwd_surface.commands import terminal
+from mwd_surface.commands.speech import spoken_figure
+
 if TYPE_CHECKING:
     from mwd_sensors.core.arrays import Array
     from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
@@ -25,7 +29,7 @@ def decode(
             "serial line, a recording or a file of the captured bytes."
         ),
     ],
-    tool: Annotated[Path, typer.Option("--tool", help="YAML file of the tool configuration (see `mwd tool new`).")],
+    tool: Annotated[Path, typer.Option(help="YAML file of the tool configuration (see `mwd tool new`).")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for words.csv, surveys.csv and picture.png.")],
     strokes: Annotated[
         Path | None,
@@ -61,7 +65,6 @@ def decode(
       mwd decode voltage.csv --tool em.yaml -o decoded
     """
     from mwd_sensors.telemetry import tool_configuration
-    from mwd_surface.commands import terminal
     from mwd_surface.receiver import pressure_files
     from mwd_surface.receiver.link import other_width, receivers
     from mwd_surface.receiver.words import BELIEVED
@@ -90,7 +93,7 @@ def decode(
     _print_words(got, wired)
     if not any(word.status == BELIEVED for word in got.words):
         terminal.warn(receiver.why_nothing())
-    terminal.output().print(f"written: {output}/{names} ({read.origin})", markup=False)
+    terminal.tell(f"written: {output}/{names} ({read.origin})")
 
 
 def _received(receiver: Receiver, read: PressureFile, strokes: dict[int, Array]) -> Reception:
@@ -107,8 +110,6 @@ def _received(receiver: Receiver, read: PressureFile, strokes: dict[int, Array])
 
 def _write(folder: Path, configuration: ToolConfiguration, read: PressureFile, got: Reception) -> str:
     """Write the tables of words and surveys, and for a sampled signal a plot; return the names of the files."""
-    from mwd_sensors.core.output_files import write_whole
-    from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.plots.drawing import png
     from mwd_surface.receiver import picture, word_files
 
@@ -125,20 +126,17 @@ def _write(folder: Path, configuration: ToolConfiguration, read: PressureFile, g
 
 def _print_words(got: Reception, wired: bool) -> None:
     """Print a line for each frame and each value of a survey; a serial line has no signal quality to print."""
-    from mwd_surface.commands import terminal
     from mwd_surface.receiver.words import BELIEVED
 
-    console = terminal.output()
     for frame in got.frames:
         words = [word for word in got.words if word.frame == frame.frame]
         believed = sum(word.status == BELIEVED for word in words)
         signal = "" if wired else f"  Eb/N0 {frame.ebn0_db:4.1f} dB  clock {100.0 * frame.clock_error:+.3f} %"
-        console.print(
+        terminal.tell(
             f"{frame.start_s:8.1f} s  {frame.kind:8} {believed:3} of {len(words)} words believed{signal}"
-            f"  {frame.reason}".rstrip(),
-            markup=False,
+            f"  {frame.reason}".rstrip()
         )
     for word in got.words:
         if word.kind == "survey" and word.usable:
             chosen = "" if word.status == BELIEVED else "  (chosen because it fits earlier surveys)"
-            console.print(f"{word.end_s:8.1f} s  {word.name} {word.value:.2f} {word.unit}{chosen}", markup=False)
+            terminal.tell(f"{word.end_s:8.1f} s  {word.name} {word.value:.2f} {word.unit}{chosen}")

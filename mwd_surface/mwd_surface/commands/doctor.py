@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from mwd_surface.commands import terminal
 
 if TYPE_CHECKING:
     from mwd_surface.runs.doctor import CheckResult
@@ -37,12 +40,8 @@ def doctor(
       mwd doctor
       mwd doctor pressure.csv --tool tool.yaml
     """
-    import os
-
-    from mwd_surface.commands import terminal
     from mwd_surface.runs.doctor import examine
 
-    console = terminal.output()
     if file is not None:
         from mwd_sensors.telemetry import tool_configuration
         from mwd_surface.receiver import pressure_files
@@ -61,15 +60,14 @@ def doctor(
         from mwd_estimation.gravity import methods as gravity
 
         methods = "; ".join(f"{method.name} ({method.doc})" for method in gravity.METHODS.values())
-        console.print(f"gravity methods: {methods}", markup=False)
-    console.print("everything needed is present" if not missing else f"{missing} things are missing")
+        terminal.tell(f"gravity methods: {methods}")
+    terminal.tell("everything needed is present" if not missing else f"{missing} things are missing")
     raise typer.Exit(1 if missing else 0)
 
 
 def _show(results: list[CheckResult]) -> None:
     from rich.markup import escape
 
-    from mwd_surface.commands import terminal
     from mwd_surface.commands.spoken_console import SpokenTable
     from mwd_surface.runs.doctor import CheckLevel
 

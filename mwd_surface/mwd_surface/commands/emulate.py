@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands import terminal
 from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
 
@@ -27,9 +28,7 @@ def emulate(
     loop: Annotated[bool, typer.Option("--loop", help="Start again at the end (recordings only).")] = False,
     frame: Annotated[
         Path | None,
-        typer.Option(
-            "--frame", help="YAML file with the requests and replies of the protocol polled; by default Modbus RTU."
-        ),
+        typer.Option(help="YAML file with the requests and replies of the protocol polled; by default Modbus RTU."),
     ] = None,
     wait: Annotated[bool, typer.Option("--wait", help="Send nothing until a driver sends the start command.")] = False,
     *,
@@ -49,7 +48,6 @@ def emulate(
     """
     from mwd_sensors.drivers import polled_line
     from mwd_sensors.drivers.emulator import PROTOCOLS, Emulator
-    from mwd_surface.commands import terminal
 
     if protocol not in PROTOCOLS:
         raise ValueError(f"--protocol {protocol}: unknown; use one of {', '.join(PROTOCOLS)}")
@@ -60,7 +58,7 @@ def emulate(
     samples = _samples(source, reading)
     asked = None if frame is None else polled_line.read(frame, polled_line.PROBE_QUANTITIES)
     with Emulator(protocol, link, wait, asked) as emulator:
-        terminal.output().print(str(link or emulator.device), markup=False)
+        terminal.tell(str(link or emulator.device))
         emulator.play(samples, rate)
         while loop and Path(source).exists():
             emulator.play(_samples(source, reading), rate)

@@ -3,16 +3,23 @@
 
 from __future__ import annotations
 
+import contextlib
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mwd_surface.commands.list_options import PlanSet
+from mwd_sensors.core import settings
+from mwd_surface import __version__
+from mwd_surface.commands import terminal
+from mwd_surface.commands.list_options import PlanSet, read_plan_option
 from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
+from mwd_surface.commands.reference_options import assignments
 from mwd_surface.commands.sources import estimated, recording_at, survey_list_at
-from mwd_surface.exports.export import FORMATS
+from mwd_surface.exports.export import FORMATS, export_file
+from mwd_surface.exports.export_name import safe_name
 
 if TYPE_CHECKING:
     from mwd_surface.exports.survey_table import SurveyTable
@@ -60,7 +67,7 @@ def export(
     bit_depth: Bit = None,
     changes: WellChanges = None,
     well: Annotated[
-        str, typer.Option("--well", help="Namespace of the well, if a recording has several (timeseries only).")
+        str, typer.Option(help="Namespace of the well, if a recording has several (timeseries only).")
     ] = "",
     *,
     reading: Reading,
@@ -80,9 +87,6 @@ def export(
       mwd export bags/run_7 -f timeseries -o run_7.csv
       mwd export bags/run_7 -f witsml -o trajectory.xml --set well.name=Alpha-1 --set well.section_azimuth_deg=75
     """
-    from mwd_surface.commands import terminal
-    from mwd_surface.exports.export import export as write
-
     if kind == "timeseries" or (not kind and output.suffix == ".parquet"):
         _time_series(source, output, well, reading)
         return
@@ -98,8 +102,8 @@ def export(
         folder, name = output.parent, output.name
     is_report = chosen in FORMATS and FORMATS[chosen].is_report
     table = _table(source, (plan, plan_set), leg, bit_depth, changes, with_logs=is_report)
-    path = write(table, chosen, folder, name)
-    terminal.output().print(f"written: {path}", markup=False)
+    path = export_file(table, chosen, folder, name)
+    terminal.tell(f"written: {path}")
 
 
 def report(
@@ -121,21 +125,15 @@ def report(
       mwd report out/run_7 -o reports
       mwd report out/run_7 -o reports --plan plan.csv --set well.company="Open Drilling"
     """
-    from mwd_surface.commands import terminal
-    from mwd_surface.exports.export import export as write
-
     table = _table(source, (plan, plan_set), leg, bit_depth, changes, with_logs=True)
     for kind in ("html", "pdf"):
-        terminal.output().print(f"written: {write(table, kind, output)}", markup=False)
+        path = export_file(table, kind, output)
+        terminal.tell(f"written: {path}")
 
 
 def _time_series(source: Path, output: Path, well: str, reading: Reading) -> None:
-    import contextlib
-
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.commands import terminal
     from mwd_surface.exports import time_series
-    from mwd_surface.exports.export_name import safe_name
     from mwd_surface.processing.bag_input import InputSettings, refuse_damaged, worth_saying
     from mwd_surface.processing.run_config import processed_input
 
@@ -153,10 +151,8 @@ def _time_series(source: Path, output: Path, well: str, reading: Reading) -> Non
         notes += written.remarks
     if written.late:
         notes.append(f"{written.late} samples were left out because they came more than half a minute late")
-    for note in notes:
-        terminal.warn(note)
-    console = terminal.output()
-    console.print(f"written: {path} ({written.rows} rows of {', '.join(written.topics)})", markup=False)
+    terminal.warn(*notes)
+    terminal.tell(f"written: {path} ({written.rows} rows of {', '.join(written.topics)})")
 
 
 def _table(
@@ -175,13 +171,6 @@ def _table(
     for which a recording is played from its beginning to its end. Raises ValueError if the list has no survey, or if
     `changes` has other settings than well.*.
     """
-    import time
-
-    from mwd_sensors.core import settings
-    from mwd_surface import __version__
-    from mwd_surface.commands import terminal
-    from mwd_surface.commands.list_options import read_plan_option
-    from mwd_surface.commands.reference_options import assignments
     from mwd_surface.exports.report_clearance import clearance_sections
     from mwd_surface.exports.report_logs import health_section, log_section
     from mwd_surface.exports.survey_table import survey_table
@@ -197,16 +186,14 @@ def _table(
         well = settings.changed(surveys.well, {name.removeprefix("well."): v for name, v in given.items()})
         surveys = surveys.configured(well, surveys.rules)
     stretches, unread = stretches_of(source)
-    for note in (*notes, *unread):
-        terminal.warn(note)
+    terminal.warn(*notes, *unread)
     if not surveys.records:
         raise ValueError(f"{source}: the list has no survey")
     planned = read_plan_option(*plan, surveys.well)
     if planned is not None:
         surveys = surveys.along(planned)
     sections, remarks = clearance_sections(surveys, surveys.plan, bit_depth, leg)
-    for note in remarks:
-        terminal.warn(note)
+    terminal.warn(*remarks)
     found = run_logs(source, surveys.well.sensor_offset) if with_logs else None
     if found is not None:
         made = (health_section(found[1], surveys.well.display), log_section(found[0].curves(), surveys.well.display))
@@ -220,6 +207,5 @@ def _table(
         stretches=stretches,
         sections=sections,
     )
-    for text in table.left_out:
-        terminal.warn(text)
+    terminal.warn(*table.left_out)
     return table

@@ -3,13 +3,20 @@
 
 from __future__ import annotations
 
+import dataclasses
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mwd_sensors.core import settings
+from mwd_surface import __version__
+from mwd_surface.commands import terminal
 from mwd_surface.commands.export import WellChanges
+from mwd_surface.commands.reference_options import assignments
 from mwd_surface.commands.sources import survey_list_at
+from mwd_surface.exports.export import FORMATS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,7 +35,7 @@ def finalize(
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
     key: Annotated[
-        Path | None, typer.Option("--key", help="PEM file of the Ed25519 private key that signs the certificate.")
+        Path | None, typer.Option(help="PEM file of the Ed25519 private key that signs the certificate.")
     ] = None,
     changes: WellChanges = None,
 ) -> None:
@@ -48,16 +55,9 @@ def finalize(
       mwd finalize out/run_7 -o final
       mwd finalize out/run_7=MWD+SRGM gyro.csv=GYRO-NS -o final --key office.pem
     """
-    import dataclasses
     import json
-    import time
 
-    from mwd_sensors.core import settings
-    from mwd_surface import __version__
-    from mwd_surface.commands import terminal
-    from mwd_surface.commands.reference_options import assignments
     from mwd_surface.exports.comparison_csv import comparison_csv
-    from mwd_surface.exports.export import FORMATS
     from mwd_surface.exports.path_csv import path_csv
     from mwd_surface.exports.report_final import final_sections
     from mwd_surface.exports.survey_table import survey_table
@@ -68,8 +68,7 @@ def finalize(
     sign = None if key is None else _signer(key)
     read = [_source(text) for text in sources]
     for _, _, notes in read:
-        for note in notes:
-            terminal.warn(note)
+        terminal.warn(*notes)
     inputs = [(str(file), _hash(file.read_bytes())) for path, _, _ in read for file in _files(path)]
     final = final_list([source for _, source, _ in read])
     surveys = final.surveys
@@ -107,8 +106,7 @@ def finalize(
     files["certificate.json"] = content
     if sign is not None:
         files["certificate.sig"] = sign(content.encode())
-    for remark in (*table.left_out, *final.remarks):
-        terminal.warn(remark)
+    terminal.warn(*table.left_out, *final.remarks)
     _show(final, float(changed.distance[-1]), float(changed.md[-1]), key)
     terminal.write(output, files)
 
@@ -155,8 +153,6 @@ def _programme(final: FinalList) -> str:
     """Return the survey programme as YAML."""
     import yaml
 
-    from mwd_sensors.core import settings
-
     table = settings.to_mapping(final.programme)
     table.pop("name")
     return str(yaml.safe_dump(table, sort_keys=False, allow_unicode=True))
@@ -192,8 +188,6 @@ def _signer(key: Path) -> Callable[[bytes], bytes]:
 
 
 def _show(final: FinalList, distance: float, md: float, key: Path | None) -> None:
-    from mwd_surface.commands import terminal
-
     records = final.surveys.records
     revised = sum(record.replaced is not None for record in records)
     lines = [

@@ -3,14 +3,18 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands import terminal
 from mwd_surface.commands.list_options import LIST
 from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.reference_options import PLACE, Changes, Convergence, Declination, GivenPlace
+from mwd_surface.commands.speech import spoken_figure
+from mwd_surface.commands.table_reference import GivenReference, table_reference, table_settings
 
 if TYPE_CHECKING:
     from mwd_surface.list_files.list_settings import ListSettings
@@ -23,9 +27,7 @@ def forecast(
         Path, typer.Argument(metavar="PLAN", help="File of the planned path, in any format that `mwd path` reads.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
-    code: Annotated[
-        str, typer.Option("--code", help="ISCWSA tool code of the surveys, e.g. MWD+IFR1+SAG.")
-    ] = "MWD+SRGM",
+    code: Annotated[str, typer.Option(help="ISCWSA tool code of the surveys, e.g. MWD+IFR1+SAG.")] = "MWD+SRGM",
     axial: Annotated[float, typer.Option(help="Expected axial interference of the drill string, nT.")] = 0.0,
     limit: Annotated[
         float,
@@ -53,11 +55,6 @@ def forecast(
       mwd forecast plan.csv -o ahead --code MWD+IFR1+SAG --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd forecast plan.csv -o ahead --field 50500,71.2,-1.1 --north grid --convergence -0.9 --axial 400
     """
-    import math
-
-    from mwd_surface.commands import terminal
-    from mwd_surface.commands.speech import spoken_figure
-    from mwd_surface.commands.table_reference import GivenReference, table_reference, table_settings
     from mwd_surface.exports.forecast_csv import forecast_csv
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.drawing import png
@@ -79,8 +76,7 @@ def forecast(
     reference, remarks = table_reference(settings, GivenReference.of(place.field, declination, convergence))
     if reference is None or reference.total is None:
         raise ValueError("a forecast needs the field: give --lat, --lon and --date, or --field")
-    for remark in (*sentences(planned.remarks), *remarks):
-        terminal.warn(remark)
+    terminal.warn(*sentences(planned.remarks), *remarks)
     latitude = math.nan if settings.place.lat_deg is None else math.radians(settings.place.lat_deg)
     found = work_out(planned, from_north, code, reference, latitude, axial=axial * 1e-9, most=math.radians(limit))
     chart = correction_map(code, reference, latitude) if corrected_sibling(code) else None
@@ -90,11 +86,8 @@ def forecast(
 
 
 def _show(found: Forecast) -> None:
-    import math
-
     import numpy as np
 
-    from mwd_surface.commands import terminal
     from mwd_surface.signals.cells import fixed
 
     names = ("depth m", "incl", "azi true", "σ incl", "σ azi", "σ corr", "", "±B nT", "±dip", "accept %")
@@ -115,8 +108,7 @@ def _show(found: Forecast) -> None:
     console.print(table)
     if np.any(found.no_go):
         part = found.md[found.no_go]
-        console.print(
+        terminal.tell(
             f"the axial correction is not useful at {np.count_nonzero(found.no_go)} stations between {part[0]:.0f} and "
-            f"{part[-1]:.0f} m: plan for a gyro, multi-station analysis or more non-magnetic collars there",
-            markup=False,
+            f"{part[-1]:.0f} m: plan for a gyro, multi-station analysis or more non-magnetic collars there"
         )

@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mwd_surface.commands.node import without_ros
+from mwd_surface.commands.reference_options import assignments
 from mwd_surface.commands.speech import say
 
 if TYPE_CHECKING:
@@ -105,8 +108,6 @@ def param_set(
     Example:
       mwd param set surface leg.tool T-0042
     """
-    from mwd_surface.commands.reference_options import assignments
-
     with visit(domain) as client:
         client.set_parameter(node, name, assignments([f"{name}={value}"])[name])
     typer.echo(say(f"{name} is set"))
@@ -165,10 +166,8 @@ def visit(domain: int | None) -> Iterator[GraphClient]:
 
     domain : None: ROS_DOMAIN_ID, else the domain of the run on this machine.
     """
-    import os
     import tempfile
 
-    from mwd_surface.commands.node import without_ros
     from mwd_surface.runs import launch_plan
 
     chosen = launch_plan.visited_domain(os.environ, domain)
@@ -181,8 +180,6 @@ def visit(domain: int | None) -> Iterator[GraphClient]:
 
 def _assigned(fields: list[str] | None) -> dict[str, Any]:
     """Return FIELD=VALUE texts as a dict, nested at dots; ValueError if a field has both a value and fields."""
-    from mwd_surface.commands.reference_options import assignments
-
     table: dict[str, Any] = {}
     for name, value in assignments(fields).items():
         *parents, leaf = name.split(".")

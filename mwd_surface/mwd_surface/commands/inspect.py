@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands import terminal
 from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.recording_options import READING, Reading, Recording, input_settings
 from mwd_surface.commands.reference_options import (
@@ -47,13 +48,11 @@ def inspect(
       mwd inspect other.bag --lat 58.44 --lon 1.88
     """
     from mwd_surface.bags.bag_reader import Bag, BagError
-    from mwd_surface.commands import terminal
     from mwd_surface.processing.inspection import figures
     from mwd_surface.processing.inspection import inspect as look_through
     from mwd_surface.receiver import recorded_link
     from mwd_surface.surveys.recorded_settings import recorded_settings
 
-    console = terminal.output()
     with Bag(bag) as opened, terminal.progress(f"reading {bag.name}") as progress:
         recorded = recorded_settings(opened)
         estimator = placed_settings(
@@ -69,7 +68,7 @@ def inspect(
             if not links:
                 raise
             terminal.facts([("telemetry", ", ".join(links)), ("no survey", error.sentence)], 14)
-            console.print(f"\n{decoding}", markup=False)
+            terminal.tell(f"\n{decoding}")
             return
         others = [t for t in opened.topics.values() if t.count and t.name not in (*found.topics.all, *links)]
         notes, complete = list(opened.notes), opened.complete
@@ -108,13 +107,12 @@ def inspect(
         lines.append(("not used", _not_used(others)))
     lines += [("missing", f"for {result}: {need}") for result, need in found.missing]
     terminal.facts(lines, 14)
-    for remark in [*notes, *found.remarks]:
-        terminal.warn(remark)
+    terminal.warn(*notes, *found.remarks)
     if not complete:
         terminal.warn(f"the recording is cut off or damaged; `mwd recover {bag}` repairs it")
     if found.refusal:
         raise ValueError(f"`mwd process` cannot process {bag}: {found.refusal}")
-    console.print(f"\n{found.command}", markup=False)
+    terminal.tell(f"\n{found.command}")
 
 
 def _rests(count: int | None, longest_s: float) -> str:

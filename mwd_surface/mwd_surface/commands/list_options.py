@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mwd_sensors.core import settings
+from mwd_sensors.core.settings import SettingsError, unknown_key
 from mwd_surface.commands.option_group import OptionGroup
 
 if TYPE_CHECKING:
@@ -64,7 +66,6 @@ def list_settings(option: str = "--", **given: Any) -> ListSettings:
     SettingsError
         An option has an unknown word.
     """
-    from mwd_sensors.core import settings
     from mwd_surface.list_files.list_settings import ListSettings
 
     words = {name: value if isinstance(value, str) else ",".join(value) for name, value in given.items() if value}
@@ -89,8 +90,6 @@ def assigned(changes: Sequence[str] | None, option: str) -> ListSettings:
     SettingsError
         A text has no equals sign, or a name or word is unknown.
     """
-    from mwd_sensors.core.settings import SettingsError, unknown_key
-
     table: dict[str, Any] = {}
     for change in changes or ():
         name, equals, value = change.partition("=")

@@ -4,11 +4,15 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from mwd_sensors.core import settings
+from mwd_surface.commands import terminal
 
 if TYPE_CHECKING:
     from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
@@ -28,7 +32,7 @@ def listen(
             " serial:DEVICE (a wired tool)."
         ),
     ],
-    tool: Annotated[Path, typer.Option("--tool", help="YAML file of the tool configuration (see `mwd tool new`).")],
+    tool: Annotated[Path, typer.Option(help="YAML file of the tool configuration (see `mwd tool new`).")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for words.csv and surveys.csv.")],
     gauge: Annotated[
         Path | None,
@@ -63,10 +67,7 @@ def listen(
       mwd listen wits:192.168.1.30:9872 --columns pressure_psi=0121 --tool tool.yaml -o heard
       mwd listen opcua:opc.tcp://192.168.1.40:4840 --columns "pressure_bar=ns=2;s=SPP" --tool tool.yaml -o heard
     """
-    import time
-
     from mwd_sensors.telemetry import tool_configuration
-    from mwd_surface.commands import terminal
     from mwd_surface.receiver import word_files
     from mwd_surface.receiver.link import receivers
     from mwd_surface.receiver.lone_stamps import SteadyTimes
@@ -86,13 +87,13 @@ def listen(
                 said = opened.failure
                 time.sleep(_PAUSE_S)
         except KeyboardInterrupt:
-            terminal.output().print("stopped", markup=False)
+            terminal.tell("stopped")
         _print_words(receiver.push(*steady(*opened.read())), files)
         _print_words(receiver.finish(), files)
     opened.close()
     if not files.count:
         terminal.warn(receiver.why_nothing())
-    terminal.output().print(f"written: {output}/words.csv, surveys.csv", markup=False)
+    terminal.tell(f"written: {output}/words.csv, surveys.csv")
 
 
 def _print_words(got: Reception, files: WordFiles) -> None:
@@ -103,14 +104,12 @@ def _print_words(got: Reception, files: WordFiles) -> None:
 
 
 def _print(words: list[ReceivedWord]) -> None:
-    from mwd_surface.commands import terminal
-
     for word in words:
         value = f"{word.value:.6g} {word.unit}".rstrip() if word.status != "erased" else "erased"
         # Round down, so that a confidence below 1 is not printed as 1.
         share = math.floor(1000.0 * word.confidence) / 1000.0
         line = f"{word.end_s:9.1f} s  {word.kind:8} {word.name} {value}  confidence {share:.3f}"
-        terminal.output().print(line, markup=False)
+        terminal.tell(line)
 
 
 def _opened(
@@ -121,7 +120,6 @@ def _opened(
 
     Raises ValueError if the name has another form or does not fit the code of the tool.
     """
-    from mwd_sensors.core import settings
     from mwd_sensors.core.input_files import read_yaml
     from mwd_surface.receiver import network_sources, pressure_table, sources
     from mwd_surface.rig.wits.format import KEEP_ALIVE

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from mwd_sensors.core.output_files import write_whole
+from mwd_surface.commands import terminal
 from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.recording_options import READING, Reading, Recording, input_settings
 
@@ -26,8 +28,8 @@ def log(
             "measured while the bit was on bottom; all: all data, including reaming.",
         ),
     ] = "first",
-    step: Annotated[float, typer.Option("--step", help="Depth step, m.", min=0.01, max=10.0)] = 0.1,
-    well: Annotated[str, typer.Option("--well", help="Namespace of the well, if the recording has several.")] = "",
+    step: Annotated[float, typer.Option(help="Depth step, m.", min=0.01, max=10.0)] = 0.1,
+    well: Annotated[str, typer.Option(help="Namespace of the well, if the recording has several.")] = "",
     compute: Annotated[
         bool,
         typer.Option(
@@ -36,7 +38,7 @@ def log(
     ] = False,
     tool: Annotated[
         Path | None,
-        typer.Option("--tool", help="YAML file of the tool configuration with the log channels, for --compute."),
+        typer.Option(help="YAML file of the tool configuration with the log channels, for --compute."),
     ] = None,
     *,
     reading: Reading,
@@ -54,9 +56,7 @@ def log(
       mwd log recording -o gamma.parquet --compute --tool tool.yaml
     """
     from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_sensors.core.output_files import write_whole
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.commands import terminal
     from mwd_surface.logs.depth_log import PASSES
     from mwd_surface.logs.log_files import FORMATS, gap_lines
     from mwd_surface.logs.recorded_log import recorded_samples
@@ -83,8 +83,7 @@ def log(
         found.finish()
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(output, FORMATS[output.suffix.lower()](found, which, described))
-    for line in gap_lines(found, which):
-        terminal.warn(line)
+    terminal.warn(*gap_lines(found, which))
     for name, count in found.unplaced.items():
         terminal.warn(f"{name}: {count} samples have no depth: the rig sent no bit depth within 30 s of them")
     for reason, count in found.unusable.items():
@@ -94,4 +93,4 @@ def log(
             f"{found.disordered} samples came after samples with a later time, and were placed in the order of arrival"
         )
     names = ", ".join(found.channels) or "no channel"
-    terminal.output().print(f"written: {output} ({names}; {which} pass, depth steps of {step:g} m)", markup=False)
+    terminal.tell(f"written: {output} ({names}; {which} pass, depth steps of {step:g} m)")

@@ -9,6 +9,9 @@ from typing import Annotated
 
 import typer
 
+from mwd_sensors.core.output_files import write_whole
+from mwd_surface.commands import terminal
+
 memory = typer.Typer(
     help="Use the data in the tool's memory: fill the gaps of the real-time log, and revise the surveys.",
     no_args_is_help=True,
@@ -20,14 +23,14 @@ def dump(
     recording: Annotated[Path, typer.Argument(help="Recording of the sensors, such as `mwd simulate` writes.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the dump to write.")],
     tool: Annotated[
-        Path | None, typer.Option("--tool", help="YAML file of the tool configuration with the log channels.")
+        Path | None, typer.Option(help="YAML file of the tool configuration with the log channels.")
     ] = None,
-    interval: Annotated[int, typer.Option("--interval", help="Time between two log samples, s.", min=1, max=60)] = 2,
+    interval: Annotated[int, typer.Option(help="Time between two log samples, s.", min=1, max=60)] = 2,
     clock_offset: Annotated[
-        float, typer.Option("--clock-offset", help="Error of the tool's clock at the start, s; positive: fast.")
+        float, typer.Option(help="Error of the tool's clock at the start, s; positive: fast.")
     ] = 0.0,
     clock_drift: Annotated[
-        float, typer.Option("--clock-drift", help="Drift of the tool's clock, ppm; positive: the clock gains time.")
+        float, typer.Option(help="Drift of the tool's clock, ppm; positive: the clock gains time.")
     ] = 0.0,
 ) -> None:
     """
@@ -39,7 +42,6 @@ def dump(
       mwd memory dump runs/sensors -o dump --tool tool.yaml --interval 1
     """
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.commands import terminal
     from mwd_surface.processing import memory_dump
     from mwd_surface.processing.log_estimate import channels_of
     from mwd_surface.surveys.recorded_settings import recorded_settings
@@ -49,9 +51,7 @@ def dump(
         recorded = recorded_settings(bag)
         channels = channels_of(tool)
         samples, taken = memory_dump.dump(bag, output, channels, clock, interval_s=interval, recorded=recorded)
-    terminal.output().print(
-        f"{output}: {samples} log samples, one every {interval} s, and {taken} surveys", markup=False
-    )
+    terminal.tell(f"{output}: {samples} log samples, one every {interval} s, and {taken} surveys")
 
 
 @memory.command()
@@ -62,11 +62,11 @@ def merge(
         Path, typer.Option("--output", "-o", help="Log to write: .las, .csv, .parquet or .xml (WITSML).")
     ],
     which: Annotated[str, typer.Option("--pass", help="first, deepest or all, as for `mwd log`.")] = "first",
-    step: Annotated[float, typer.Option("--step", help="Depth step, m.", min=0.01, max=10.0)] = 0.1,
-    well: Annotated[str, typer.Option("--well", help="Namespace of the well, if the run has several.")] = "",
+    step: Annotated[float, typer.Option(help="Depth step, m.", min=0.01, max=10.0)] = 0.1,
+    well: Annotated[str, typer.Option(help="Namespace of the well, if the run has several.")] = "",
     surveys: Annotated[
         Path | None,
-        typer.Option("--surveys", help="JSON file to write, with the survey list of the run revised from the memory."),
+        typer.Option(help="JSON file to write, with the survey list of the run revised from the memory."),
     ] = None,
 ) -> None:
     """
@@ -84,9 +84,7 @@ def merge(
       mwd memory merge runs/gamma dump -o gamma.las
       mwd memory merge runs/gamma dump -o gamma.csv --step 0.2 --surveys surveys.json
     """
-    from mwd_sensors.core.output_files import write_whole
     from mwd_surface.bags.bag_reader import Bag, BagError
-    from mwd_surface.commands import terminal
     from mwd_surface.logs import memory_merge
     from mwd_surface.logs.depth_log import PASSES
     from mwd_surface.logs.log_files import FORMATS, gap_lines
@@ -119,10 +117,9 @@ def merge(
         of_tool = memory_merge.recorded_surveys(dumped) if surveys is not None else []
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(output, FORMATS[output.suffix.lower()](logs[1], which, described))
-    say = terminal.output()
-    say.print(f"clock of the tool's memory: {clock}", markup=False)
+    terminal.tell(f"clock of the tool's memory: {clock}")
     for one in memory_merge.improvements(logs[0], logs[1], logs[2]):
-        say.print(str(one), markup=False)
+        terminal.tell(str(one))
     if surveys is not None:
         listed, _ = surveys_of(run)
         offset = listed.well.sensor_offset
@@ -132,8 +129,7 @@ def merge(
         surveys.parent.mkdir(parents=True, exist_ok=True)
         write_whole(surveys, encoded(listed))
         text = f"written: {surveys} ({revised} surveys revised from the tool's memory, {added} added)"
-        say.print(text, markup=False)
-    for line in gap_lines(logs[1], which):
-        terminal.warn(line)
+        terminal.tell(text)
+    terminal.warn(*gap_lines(logs[1], which))
     channels = ", ".join(logs[1].channels)
-    say.print(f"written: {output} ({channels}; {which} pass, depth steps of {step:g} m)", markup=False)
+    terminal.tell(f"written: {output} ({channels}; {which} pass, depth steps of {step:g} m)")

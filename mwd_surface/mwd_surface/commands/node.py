@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import enum
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated
@@ -47,8 +48,6 @@ def node(
       mwd node estimator --ros-args -r __ns:=/well_2 -p method:=s3
       mwd node surface --ros-args --params-file surface.yaml
     """
-    import os
-
     from mwd_surface.runs.supervise import die_with_supervisor
 
     die_with_supervisor(os.environ)
@@ -67,7 +66,6 @@ def node_main(module: str) -> Callable[[Sequence[str]], int]:
         ROS is not installed for this Python.
     """
     import importlib
-    import os
 
     from mwd_surface.runs.launch_plan import MIDDLEWARE, PROFILES
 

@@ -3,16 +3,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import enum
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mwd_surface.commands.list_options import LIST
+from mwd_surface import __version__
+from mwd_surface.commands import terminal
+from mwd_surface.commands.list_options import LIST, assigned
 from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.reference_options import PLACE, Changes, Convergence, Declination, GivenPlace
+from mwd_surface.commands.reference_options import PLACE, Changes, Convergence, Declination, GivenPlace, numbers_in
 from mwd_surface.commands.sources import survey_list_at
+from mwd_surface.commands.speech import spoken_figure
+from mwd_surface.commands.table_reference import GivenReference, table_reference, table_settings
 
 if TYPE_CHECKING:
     from mwd_surface.exports.survey_table import SurveyTable
@@ -39,11 +45,9 @@ def path(
         Path, typer.Argument(metavar="LIST", help="File with a list of stations, or the folder of a run.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
-    against: Annotated[
-        Path | None, typer.Option("--against", help="Another list of the same hole, such as a gyro survey.")
-    ] = None,
+    against: Annotated[Path | None, typer.Option(help="Another list of the same hole, such as a gyro survey.")] = None,
     code: Annotated[
-        str | None, typer.Option("--code", help="ISCWSA tool code of the error model, e.g. MWD+SRGM or GYRO-NS.")
+        str | None, typer.Option(help="ISCWSA tool code of the error model, e.g. MWD+SRGM or GYRO-NS.")
     ] = None,
     programme: Annotated[
         Path | None,
@@ -53,7 +57,6 @@ def path(
     against_set: Annotated[
         list[str] | None,
         typer.Option(
-            "--against-set",
             help="How to read the list of --against: an option of panel List, e.g. length_unit=ft. May be repeated.",
             metavar="NAME=VALUE",
         ),
@@ -102,10 +105,7 @@ def path(
       mwd path out/run_7 -o compared --against gyro.xml --against-code GYRO-NS
     """
     options = locals()  # must be the first statement, while the options are the only local variables
-    import dataclasses
 
-    from mwd_surface.commands import terminal
-    from mwd_surface.commands.list_options import assigned
     from mwd_surface.exports.path_csv import path_csv
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked
@@ -143,9 +143,6 @@ def _surveys(
     said: settings for reading the list. beside: another list of the same hole, whose location and field are used if
     neither this list nor the options give a field. Raises ValueError if options for a list are given with a run.
     """
-    import dataclasses
-
-    from mwd_surface.commands import terminal
     from mwd_surface.list_files.list_file import is_list
     from mwd_surface.uncertainty.error_terms import check_tool_code
 
@@ -162,8 +159,7 @@ def _surveys(
         surveys, remarks = survey_list_at(source)
         if options["values"] == Values.FIRST and beside is None:
             surveys = surveys.as_first_decided()
-    for remark in remarks:
-        terminal.warn(remark)
+    terminal.warn(*remarks)
     if code is not None:
         check_tool_code(code)
         surveys = surveys.configured(dataclasses.replace(surveys.well, error_model=code), surveys.rules)
@@ -173,9 +169,6 @@ def _surveys(
 def _imported(
     source: Path, options: dict[str, Any], said: ListSettings, beside: SurveyList | None
 ) -> tuple[SurveyList, tuple[str, ...]]:
-    import dataclasses
-
-    from mwd_surface.commands.table_reference import GivenReference, table_reference, table_settings
     from mwd_surface.list_files.list_file import read_list
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.surveys.imported_list import reference_in, survey_list, well_of
@@ -206,14 +199,9 @@ def _imported(
 
 
 def _tie_on(text: str) -> TieOn:
-    import math
-
     from mwd_surface.surveys.leg import TieOn
 
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
+    numbers = numbers_in(text)
     if len(numbers) not in (3, 6):
         raise ValueError(f"--tie-on {text}: expected MD,INC,AZI or MD,INC,AZI,TVD,NORTH,EAST in m and deg")
     md, inclination, azimuth = numbers[:3]
@@ -222,13 +210,10 @@ def _tie_on(text: str) -> TieOn:
 
 
 def _table(surveys: SurveyList) -> SurveyTable:
-    from mwd_surface import __version__
-    from mwd_surface.commands import terminal
     from mwd_surface.exports.survey_table import survey_table
 
     table = survey_table(surveys, surveys.changed_ns, software=f"mwd {__version__}")
-    for text in table.left_out:
-        terminal.warn(text)
+    terminal.warn(*table.left_out)
     if table.covariance is None:
         remedy = "; give --lat and --lon, or --field" if "reference field" in table.covariance_note else ""
         terminal.warn(f"no position uncertainty: {table.covariance_note}{remedy}")
@@ -252,9 +237,6 @@ def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> 
 
     Raises ValueError if declination or convergence for this is unknown.
     """
-    import dataclasses
-
-    from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.exports.comparison_csv import comparison_csv
     from mwd_surface.plots.drawing import png
     from mwd_surface.plots.path_comparison import figure_of
@@ -274,8 +256,6 @@ def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> 
 
 
 def _show(table: SurveyTable) -> None:
-    from mwd_surface.commands import terminal
-
     path, last = table.path, len(table.records) - 1
     n, e, down = path.positions[last]
     lines = (
@@ -288,11 +268,7 @@ def _show(table: SurveyTable) -> None:
 
 
 def _show_difference(found: PathDifference, names: tuple[str, str]) -> None:
-    import math
-
     import numpy as np
-
-    from mwd_surface.commands import terminal
 
     columns = ("depth m", "inclination deg", "azimuth deg", "north m", "east m", "down m", "sigmas")
     table = terminal.table(columns, title=f"{names[0]} minus {names[1]}")

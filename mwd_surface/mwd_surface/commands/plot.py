@@ -8,8 +8,11 @@ from typing import Annotated
 
 import typer
 
+from mwd_sensors.core.output_files import write_whole
+from mwd_surface.commands import terminal
 from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.recording_options import READING, Reading, Recording, input_settings
+from mwd_surface.commands.speech import spoken_figure
 
 
 @takes(READING)
@@ -19,8 +22,7 @@ def plot(
     what: Annotated[
         str,
         typer.Option(
-            "--what",
-            help="What to plot: sensors, rig, truth, attitude, surveys, spectra or allan, separated by commas; or all.",
+            help="What to plot: sensors, rig, truth, attitude, surveys, spectra or allan, separated by commas; or all."
         ),
     ] = "sensors,attitude,surveys",
     topic: Annotated[list[str] | None, typer.Option(help="Plot only this topic. May be repeated.")] = None,
@@ -40,10 +42,7 @@ def plot(
       mwd plot bags/run_7 -o all.png --what all
       mwd plot bags/two_wells -o well_2.png --topic /well_2/imu/data_raw --topic /well_2/imu/mag
     """
-    from mwd_sensors.core.output_files import write_whole
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.commands import terminal
-    from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.plots import bag_plots
     from mwd_surface.plots.plot_data import gather
     from mwd_surface.plots.traces import WHAT
@@ -62,7 +61,6 @@ def plot(
     picture = bag_plots.image(spoken_figure(bag_plots.figure(data, words)), kind)
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(output, picture)
-    for note in [*notes, *data.remarks]:
-        terminal.warn(note)
+    terminal.warn(*notes, *data.remarks)
     drawn = ", ".join(bag_plots.sections(data, words))
-    terminal.output().print(f"{output}: {drawn} of {data.name}, {data.seconds:.1f} s", markup=False)
+    terminal.tell(f"{output}: {drawn} of {data.name}, {data.seconds:.1f} s")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands import terminal
 from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.recording_options import READING, Reading, Recording, input_settings
 from mwd_surface.commands.reference_options import (
@@ -44,15 +46,13 @@ def process(
     method: Annotated[
         str | None,
         typer.Option(
-            "--method",
             help="Method that estimates gravity (see `mwd doctor`); by default the method in the recording, else "
-            "bounded.",
+            "bounded."
         ),
     ] = None,
     north: Annotated[
         str | None,
         typer.Option(
-            "--north",
             help="North of the azimuths: magnetic, true, grid, or best (grid if known, else true, else magnetic).",
             rich_help_panel=FIELD_PANEL,
         ),
@@ -72,7 +72,6 @@ def process(
     depths: Annotated[
         str | None,
         typer.Option(
-            "--depths",
             help="CSV table of depths, with columns time and bit_depth_m, or survey and md_m; by default the rig's "
             "depths.",
             metavar="FILE",
@@ -183,7 +182,6 @@ def _run(
     from mwd_sensors.calibration.compensation import Compensation
     from mwd_sensors.core.compiled import when_compiling
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.commands import terminal
     from mwd_surface.processing import process as batch
     from mwd_surface.surveys.recorded_settings import recorded_settings, with_a_model
 
@@ -212,16 +210,11 @@ def _run(
 
 
 def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, folder: Path, elapsed: float) -> None:
-    import math
-
     from mwd_estimation.core.fault_messages import describe
     from mwd_estimation.core.sensor_fault import FaultCode
-    from mwd_surface.commands import terminal
     from mwd_surface.commands.survey_table import list_warnings, revision_sentences, show_surveys
 
-    console = terminal.output()
-    for warning in summary.warnings:
-        terminal.warn(warning)
+    terminal.warn(*summary.warnings)
     for fault in summary.faults:
         if fault.code == FaultCode.NEVER_CAME and not summary.mag_used:
             continue  # a warning or the line "magnetometer" reports this
@@ -246,12 +239,11 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
     terminal.facts(lines)
     if summary.surveys:
         records = sorted(summary.listed.records, key=lambda one: one.survey.sequence)
-        show_surveys(console, records, summary.listed.well.angles)
-        for sentence in revision_sentences(records):
-            console.print(sentence, markup=False)
+        show_surveys(records, summary.listed.well.angles)
+        terminal.tell(*revision_sentences(records))
         # If the recording has no depths, the line "depths" reports this: do not print a warning for each survey.
-        for sentence in list_warnings(summary.listed.records) if summary.topics.rig is not None else ():
-            terminal.warn(sentence)
+        if summary.topics.rig is not None:
+            terminal.warn(*list_warnings(summary.listed.records))
     else:
         terminal.facts([("surveys", f"none: {summary.no_survey}")])
     terminal.facts([("written", ", ".join(str(folder / name) for name in summary.files))])

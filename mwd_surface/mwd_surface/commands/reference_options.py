@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+import datetime
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
 import typer
 
+from mwd_sensors.core import settings
+from mwd_sensors.core.settings import SettingsError, unknown_key
 from mwd_surface.commands.option_group import OptionGroup
 
 if TYPE_CHECKING:
@@ -36,15 +40,14 @@ PLACE = OptionGroup(
     GivenPlace,
     {
         "lat": Annotated[
-            float | None, typer.Option("--lat", help="Latitude, deg, north positive.", rich_help_panel=FIELD_PANEL)
+            float | None, typer.Option(help="Latitude, deg, north positive.", rich_help_panel=FIELD_PANEL)
         ],
         "lon": Annotated[
-            float | None, typer.Option("--lon", help="Longitude, deg, east positive.", rich_help_panel=FIELD_PANEL)
+            float | None, typer.Option(help="Longitude, deg, east positive.", rich_help_panel=FIELD_PANEL)
         ],
         "date": Annotated[
             str | None,
             typer.Option(
-                "--date",
                 help="Day for the field model, YYYY-MM-DD; by default the day of the data.",
                 rich_help_panel=FIELD_PANEL,
                 metavar="DAY",
@@ -53,7 +56,6 @@ PLACE = OptionGroup(
         "field": Annotated[
             str | None,
             typer.Option(
-                "--field",
                 help="Known magnetic field: total in nT, dip and optionally declination in deg, e.g. 50360,71.63,-2.2.",
                 rich_help_panel=FIELD_PANEL,
                 metavar="B,D,D",
@@ -135,9 +137,9 @@ def tool_changes(tool: str | None, precision: str | None) -> dict[str, Any]:
     from mwd_estimation.settings.tool import Tool as ToolSettings
     from mwd_estimation.settings.tool_file import from_file
 
-    changes = {} if tool is None else _flat(from_file(_tool_path(tool), ToolSettings), "tool.")
+    changes = {} if tool is None else flattened(from_file(_tool_path(tool), ToolSettings), "tool.")
     if precision is not None:
-        changes |= _flat(from_file(_tool_path(precision), PrecisionUnit), "tool.precision.")
+        changes |= flattened(from_file(_tool_path(precision), PrecisionUnit), "tool.precision.")
     return changes
 
 
@@ -162,10 +164,12 @@ def mount_changes(given: Sequence[str] | None, accelerometer: str | None = None)
     return changes
 
 
-def _flat(table: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+def flattened(table: Mapping[Any, Any], prefix: str = "") -> dict[str, Any]:
+    """Return the values of nested tables in one table, by their names joined by dots after the prefix."""
     flat: dict[str, Any] = {}
-    for name, value in table.items():
-        flat |= _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {prefix + name: value}
+    for key, value in table.items():
+        name = f"{prefix}{key}"
+        flat |= flattened(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
     return flat
 
 
@@ -176,8 +180,6 @@ def _tool_path(name: str) -> Path:
     Raises SettingsError if there is neither such a file nor such a grade.
     """
     import importlib.resources
-
-    from mwd_sensors.core.settings import SettingsError, unknown_key
 
     if Path(name).suffix or Path(name).exists():
         return Path(name)
@@ -234,7 +236,6 @@ def estimator_settings(
         A name is unknown (similar names are listed), or a value is not allowed.
     """
     from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_sensors.core import settings
     from mwd_surface.processing.run_config import estimator_config
 
     begin = estimator_config(config) if config else start or EstimatorSettings()
@@ -250,12 +251,9 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
     SettingsError
         A text has no equals sign, or YAML cannot read a value.
     """
-    import datetime
-
     import yaml
 
     from mwd_sensors.core.input_files import load_yaml
-    from mwd_sensors.core.settings import SettingsError
 
     table = {}
     for change in changes or []:
@@ -271,6 +269,14 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
     return table
 
 
+def numbers_in(text: str, separator: str = ",") -> list[float]:
+    """Return the numbers of a text that are separated by commas or another separator; empty if one is no number."""
+    try:
+        return [float(part) for part in text.split(separator)]
+    except ValueError:
+        return []
+
+
 def field_figures(text: str) -> tuple[float, float, float | None]:
     """
     Return strength, nT, dip, deg, and declination, deg, from --field; the declination is None if it is omitted.
@@ -280,11 +286,7 @@ def field_figures(text: str) -> tuple[float, float, float | None]:
     ValueError
         The text does not have two or three numbers.
     """
-    parts = text.split(",")
-    try:
-        figures = [float(part) for part in parts]
-    except ValueError:
-        figures = []
+    figures = numbers_in(text)
     if len(figures) not in (2, 3):
         raise ValueError(f"--field {text}: expected nT,dip,declination, for example --field 50200,71.6,-2.2")
     return figures[0], figures[1], figures[2] if len(figures) == 3 else None
@@ -343,9 +345,5 @@ def recording_changes(lat: float | None, lon: float | None, date: str | None, fi
 
 def given_settings(kind: type[S], options: Mapping[str, Any]) -> S:
     """Return settings of a class from the options with the same names; an option that is None keeps the default."""
-    import dataclasses
-
-    from mwd_sensors.core import settings
-
     names = (field.name for field in dataclasses.fields(kind))  # type: ignore[arg-type]
     return settings.from_mapping(kind, {name: options[name] for name in names if options.get(name) is not None})

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from mwd_surface.commands.node import node_main
 
 
 def replay(
@@ -40,10 +43,7 @@ def replay(
       mwd replay bags/run_7 --sensors --rate 5 --start 60 --end 120
       mwd replay bags/run_7 --loop --ros-args -r /well_1/imu/mag:=/well_2/imu/mag
     """
-    import os
-
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.commands.node import node_main
     from mwd_surface.runs.launch_plan import parameter_words
     from mwd_surface.runs.supervise import die_with_supervisor
 

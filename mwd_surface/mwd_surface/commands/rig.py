@@ -3,11 +3,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
+import os
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands import terminal
 from mwd_surface.commands.speech import say
 
 if TYPE_CHECKING:
@@ -36,15 +41,12 @@ def status(
       mwd rig status
       mwd rig status ~/mwd_data/well_1 --json
     """
-    import dataclasses
     import json
-    import time
 
-    from mwd_surface.commands import terminal
     from mwd_surface.rig.status import RigStatusError, read_status, status_files, status_lines
 
     places = folders or [Path("out"), Path("~/mwd_data").expanduser()]
-    now, console = time.time(), terminal.output()
+    now = time.time()
     running: list[tuple[Path, RigStatus]] = []
     gone: list[tuple[Path, RigStatus]] = []
     for path in status_files(places):
@@ -59,9 +61,8 @@ def status(
         typer.echo(json.dumps(table))
     else:
         for path, found in running:
-            console.print(f"{found.well} ({path.parent})", markup=False)
-            for line in status_lines(found.interfaces, found.written):
-                console.print(f"  {line}", markup=False)
+            terminal.tell(f"{found.well} ({path.parent})")
+            terminal.tell(*(f"  {line}" for line in status_lines(found.interfaces, found.written)))
         for path, found in gone:
             age = now - found.written
             terminal.warn(
@@ -69,8 +70,8 @@ def status(
             )
         if not running:
             where = ", ".join(str(place) for place in places)
-            console.print(f"no status of a running surface node was found below {where}", markup=False)
-            console.print("start a graph with `mwd run`, or name the folder of a surface node", markup=False)
+            terminal.tell(f"no status of a running surface node was found below {where}")
+            terminal.tell("start a graph with `mwd run`, or name the folder of a surface node")
     raise typer.Exit(0 if running else 1)
 
 
@@ -129,10 +130,7 @@ def conformance(
       mwd rig conformance --ros /well_1 --opcua opc.tcp://127.0.0.1:4840/ --certificate own.der --key own.pem
         --server-certificate server.der --json
     """
-    import contextlib
-    import dataclasses
     import json
-    import os
 
     from mwd_surface.conformance import cases
     from mwd_surface.conformance.bench import Interface, Person

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import importlib
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,18 +14,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mwd_sensors.core.angle_convention import AngleConvention
-from mwd_surface.commands.list_options import PlanSet
+from mwd_surface.commands import terminal
+from mwd_surface.commands.list_options import PlanSet, assigned
 from mwd_surface.commands.run_graph import RunOptions, run_graph
 from mwd_surface.commands.run_options import (
     give_parameters,
     page_secret,
     parameter_file,
 )
-from mwd_surface.commands.scenario import scenario_names
+from mwd_surface.commands.scenario import Seed, scenario_names
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from mwd_sensors.simulator.scenario import Scenario
     from mwd_surface.surveys.score import Scored
 
@@ -48,9 +49,7 @@ def run(
         bool,
         typer.Option("--resume", help="Continue the survey list of an earlier run of this well in the folder of -o."),
     ] = False,
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of the random numbers; by default the seed of the scenario.")
-    ] = None,
+    seed: Seed = None,
     method: Annotated[
         str | None, typer.Option(help="Method that estimates gravity; `mwd doctor` lists the methods.")
     ] = None,
@@ -92,7 +91,7 @@ def run(
     ] = None,
     params: Annotated[
         Path | None,
-        typer.Option("--params", help="ROS parameter file for the nodes named in it.", rich_help_panel=_SETTINGS),
+        typer.Option(help="ROS parameter file for the nodes named in it.", rich_help_panel=_SETTINGS),
     ] = None,
 ) -> None:
     """
@@ -125,9 +124,8 @@ def run(
         raise ValueError("--rate 0: a scenario with telemetry needs a finite rate; try --rate 5")
     folder = _new_folder(output, namespace, resume=resume)
     (folder / "logs").mkdir(parents=True, exist_ok=True)
-    console = terminal.output()
     if story.rig.time_lapse > 1.0:
-        console.print(
+        terminal.tell(
             f"compressed time: the depth grows {story.rig.time_lapse:g} times as fast as by the rate of penetration"
         )
     name = folder.name if output is None else f"{namespace.replace('/', '_')}_{_now_text()}"
@@ -140,8 +138,7 @@ def run(
         "record.name": name,
         "well.name": namespace,
     }
-    if story.telemetry is not None:
-        _add_link(parameters, story, folder.resolve())
+    _add_link(parameters, story, folder.resolve())
     parameters["surface"] |= _given_plan(plan, plan_set) | page_secret(token, folder)
     parameters["sonde"]["exit_at_end"] = not (single_process and hold)
     from_true_north = dict(parameters["surface"])
@@ -158,8 +155,8 @@ def run(
     truth = Path(parameters["sonde"]["truth_file"]) if story.telemetry is not None else None
     recorded_in, recorded = folder / namespace.replace("/", "_") / "bags", parameters["surface"]["record.enabled"]
     for bag in recordings_named(recorded_in, parameters["surface"]["record.name"]) if recorded else ():
-        _conclude(console, bag, truth, AngleConvention(parameters["surface"].get("well.convention", "inclination")))
-    console.print(f"surveys and logs: {folder}", markup=False)
+        _conclude(bag, truth, AngleConvention(parameters["surface"].get("well.convention", "inclination")))
+    terminal.tell(f"surveys and logs: {folder}")
 
 
 def _given_plan(path: Path | None, said: list[str] | None) -> dict[str, Any]:
@@ -168,8 +165,6 @@ def _given_plan(path: Path | None, said: list[str] | None) -> dict[str, Any]:
 
     Raise ValueError if settings for reading a plan are given without a plan.
     """
-    from mwd_surface.commands.list_options import assigned
-
     if path is None:
         if said:
             raise ValueError("--plan-set: has no effect without --plan")
@@ -249,8 +244,6 @@ def _add_link(parameters: dict[str, dict[str, Any]], story: Scenario, folder: Pa
 
 
 def _now_text() -> str:
-    import datetime
-
     return f"{datetime.datetime.now(tz=datetime.UTC):%Y%m%d_%H%M%S}"
 
 
@@ -272,37 +265,31 @@ def _new_folder(output: Path | None, namespace: str, *, resume: bool) -> Path:
     return folder
 
 
-def _conclude(console: Console, bag: Path, truth: Path | None, convention: AngleConvention) -> None:
-    import datetime
-
+def _conclude(bag: Path, truth: Path | None, convention: AngleConvention) -> None:
     from mwd_surface.bags.bag_reader import Bag, BagError
-    from mwd_surface.commands import terminal
     from mwd_surface.surveys.score import score
     from mwd_surface.surveys.unlisted import unlisted
 
     try:
         with Bag(bag) as opened:
-            _show_scores(console, score(opened, truth=truth), convention)
+            _show_scores(score(opened, truth=truth), convention)
             for one in unlisted(opened) if truth is not None else ():
                 flow_on = datetime.datetime.fromtimestamp(one.start_ns * 1e-9, tz=datetime.UTC)
                 terminal.warn(f"not in the list: the survey sent after flow-on at {flow_on:%H:%M:%S} UTC: {one.reason}")
-            for note in opened.notes:
-                terminal.warn(note)
-            console.print(f"recording: {bag} ({opened.message_count} messages)", markup=False)
+            terminal.warn(*opened.notes)
+            terminal.tell(f"recording: {bag} ({opened.message_count} messages)")
     except BagError as error:
         terminal.warn(str(error))
 
 
-def _show_scores(console: Console, scored: list[Scored], convention: AngleConvention) -> None:
-    import math
-
+def _show_scores(scored: list[Scored], convention: AngleConvention) -> None:
     from rich.text import Text
 
     from mwd_surface.commands.spoken_console import SpokenTable
     from mwd_surface.commands.survey_table import COLOURS, show_actions
 
     if not scored:
-        console.print("no survey was taken", markup=False)
+        terminal.tell("no survey was taken")
         return
     table = SpokenTable(
         title="surveys against the truth (deg, azimuth from true north)",
@@ -335,5 +322,5 @@ def _show_scores(console: Console, scored: list[Scored], convention: AngleConven
             deg(row.corrected),
             Text(verdict, style=COLOURS[verdict]),
         )
-    console.print(table, soft_wrap=False)
-    show_actions(console, [(row.sequence, row.verdict.name.lower(), row.action) for row in scored])
+    terminal.output().print(table, soft_wrap=False)
+    show_actions([(row.sequence, row.verdict.name.lower(), row.action) for row in scored])

@@ -3,11 +3,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import os
+import signal
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
+
+from mwd_surface.commands import terminal
 
 if TYPE_CHECKING:
     from mwd_surface.runs.supervise import Supervisor
@@ -45,14 +51,10 @@ def run_graph(
     story: name of the scenario; namespace: namespace of the well; parameters: by node name; folder: folder of the logs.
     Raises typer.Exit with status 1 if the graph does not start.
     """
-    import contextlib
-    import os
-
-    from mwd_surface.commands import terminal
     from mwd_surface.runs import launch_plan
     from mwd_surface.runs.supervise import Order, Supervisor
 
-    console, logs = terminal.output(), folder / "logs"
+    logs = folder / "logs"
     own_domain, page_port = launch_plan.own_domain(os.environ), launch_plan.page_port(options.port)
     with own_domain as domain, page_port as page, contextlib.ExitStack() as held, _Interrupts() as interrupts:
         given = parameters["surface"]
@@ -73,10 +75,10 @@ def run_graph(
                 if node != "sonde":
                     supervisor.start(order)
             if _wait_until_ready(supervisor, interrupts, address, logs):
-                console.print(f"{story}: page at {address} (well /{namespace}, domain {domain})", markup=False)
+                terminal.tell(f"{story}: page at {address} (well /{namespace}, domain {domain})")
                 if options.rig:
                     where = ", ".join(launch_plan.rig_addresses(interfaces))
-                    console.print(f"rig: {where} (`mwd rig status {folder}`)", markup=False)
+                    terminal.tell(f"rig: {where} (`mwd rig status {folder}`)")
                 if "sonde" in orders:
                     supervisor.start(orders["sonde"])
                 _run_to_end(supervisor, interrupts, address, story, last, options.hold)
@@ -118,7 +120,6 @@ class _Interrupts:
         self.count = 0
 
     def __enter__(self) -> _Interrupts:
-        import signal
 
         def note(_number: int, _frame: Any) -> None:
             self.count += 1
@@ -127,7 +128,6 @@ class _Interrupts:
         return self
 
     def __exit__(self, *_: object) -> None:
-        import signal
 
         for number, handler in self._before.items():
             signal.signal(number, handler)
@@ -139,10 +139,6 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
 
     A slow start is not an error: the reason for waiting is printed every half minute. StartError: a node fails.
     """
-    import time
-
-    from mwd_surface.commands import terminal
-
     began = printed = time.monotonic()
     with terminal.waiting("starting the nodes; at the first start, their filters are compiled, which can take minutes"):
         while not interrupts.count:
@@ -192,9 +188,6 @@ def _run_to_end(
 
     last: process whose end is the end of the scenario. hold: whether to wait for an interrupt after the scenario.
     """
-    import time
-
-    from mwd_surface.commands import terminal
     from mwd_surface.page.summary_line import summary_line
 
     shown = 0.0

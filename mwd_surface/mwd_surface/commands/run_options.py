@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import typer
 
+from mwd_sensors.core import settings
+from mwd_sensors.core.settings import SettingsError
+from mwd_surface.commands.reference_options import assignments, flattened
 from mwd_surface.commands.speech import say
 
 _LEAST_SECRET = 8  # least number of characters of a secret, as required by the page
@@ -52,8 +56,6 @@ def give_parameters(
         A parameter of --set is refused by `set_parameters`, may be set only by an option, or is set to another value by
         an option.
     """
-    from mwd_sensors.core.settings import SettingsError
-
     given: dict[str, dict[str, Any]] = {node: {} for node in parameters}
     in_file = [] if params is None else [f"{node}.{name}" for node, name in _take_file(given, params, namespace)]
     set_parameters(given, changes)
@@ -71,8 +73,6 @@ def give_parameters(
 
 def _take_file(given: dict[str, dict[str, Any]], params: Path, namespace: str) -> list[tuple[str, str]]:
     """Add the values of a parameter file to `given`; return the node and name of each parameter in the file."""
-    from mwd_sensors.core import settings
-
     usual, found = _usual(), []
     for node in given:
         if node in usual:
@@ -102,7 +102,7 @@ def file_parameters(params: Path, node: str) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for path, table in _sections(sections if isinstance(sections, dict) else {}):
         if _matches(path, node.strip("/").split("/")):
-            found |= dict(_flat(table))
+            found |= flattened(table)
     return found
 
 
@@ -120,14 +120,6 @@ def _matches(pattern: Sequence[str], parts: Sequence[str]) -> bool:
     if pattern[0] == "**":
         return any(_matches(pattern[1:], parts[k:]) for k in range(len(parts) + 1))
     return bool(parts) and pattern[0] in ("*", parts[0]) and _matches(pattern[1:], parts[1:])
-
-
-def _flat(table: Mapping[Any, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in table.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{before}{key}.")
-        else:
-            yield f"{before}{key}", value
 
 
 def _usual() -> dict[str, Any]:
@@ -153,9 +145,6 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
         No node has the parameter (similar names are listed), several have it, its value is not allowed, or the node
         is not in `parameters`.
     """
-    from mwd_sensors.core import settings
-    from mwd_surface.commands.reference_options import assignments
-
     usual = _usual()
     known = {node: settings.flat(one) for node, one in usual.items()}
     changes: dict[str, dict[str, Any]] = {}
@@ -167,17 +156,17 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
         # The receiver has parameters of the same names; they are set as receiver.NAME.
         owners = [owner for owner, table in known.items() if name in table and owner != "receiver"]
         if len(owners) > 1:
-            raise settings.SettingsError(
+            raise SettingsError(
                 f"{name}: {' and '.join(owners)} have this parameter; write for example {owners[0]}.{name}"
             )
         if not owners:
             there = [*known["estimator"], *(f"{o}.{n}" for o in ("surface", "sonde") for n in known[o])]
-            raise settings.SettingsError(settings.unknown_key(name, there, ""))
+            raise SettingsError(settings.unknown_key(name, there, ""))
         changes.setdefault(owners[0], {})[name] = value
     for node, table in changes.items():
         checked = settings.flat(settings.changed(usual[node], table))
         if node not in parameters:
-            raise settings.SettingsError(f"--set {node}: this run has no node {node}")
+            raise SettingsError(f"--set {node}: this run has no node {node}")
         parameters[node] |= {name: checked[name][0] for name in table}
 
 
@@ -191,10 +180,9 @@ def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
     ------
     ValueError
         The secret is too short.
-        OSError
+    OSError
         The file cannot be written.
     """
-    import os
     import secrets
 
     if token is None:

@@ -8,6 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
+from mwd_surface.commands import terminal
+
+Seed = Annotated[int | None, typer.Option(help="Seed of the random numbers; by default the seed of the scenario.")]
 scenario = typer.Typer(no_args_is_help=True, help="Scenarios of the simulated sonde.")
 
 
@@ -22,7 +25,6 @@ def list_() -> None:
     """
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
-    from mwd_surface.commands import terminal
     from mwd_surface.commands.spoken_console import SpokenTable
 
     table = SpokenTable()
@@ -50,9 +52,7 @@ def simulate(
         ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the recording; must not exist yet.")],
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of the random numbers; by default the seed of the scenario.")
-    ] = None,
+    seed: Seed = None,
     namespace: Annotated[str, typer.Option(help="Namespace of the topics, for example /well_2.")] = "",
 ) -> None:
     """
@@ -67,7 +67,6 @@ def simulate(
     """
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
-    from mwd_surface.commands import terminal
     from mwd_surface.runs.simulate import record
 
     changes: dict[str, Any] = {} if seed is None else {"seed": seed}
@@ -75,4 +74,4 @@ def simulate(
     run = read(path, changes)
     with terminal.progress(f"simulating {run.name}") as progress:
         count, seconds = record(run, output, namespace, path.read_bytes(), progress)
-    terminal.output().print(f"{output}: {count} messages, {seconds:.1f} s of {run.name}", markup=False)
+    terminal.tell(f"{output}: {count} messages, {seconds:.1f} s of {run.name}")

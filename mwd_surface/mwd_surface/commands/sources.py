@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mwd_surface.commands import terminal
+
 if TYPE_CHECKING:
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.list_files.list_columns import Given
@@ -47,7 +49,6 @@ def survey_list_at(path: Path, given: Given | None = None) -> tuple[SurveyList, 
     import tempfile
 
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.commands import terminal
     from mwd_surface.surveys.survey_source import NoSurveyListError, surveys_of
 
     try:
@@ -92,7 +93,6 @@ def _process(
 ) -> None:
     """Process a recording into a folder with the settings in the recording, or with those of existing results."""
     from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_surface.commands import terminal
     from mwd_surface.processing import process
     from mwd_surface.processing.bag_input import InputSettings
     from mwd_surface.processing.run_output import OutputSettings
@@ -101,14 +101,13 @@ def _process(
     recorded = recorded_settings(bag)
     begin = read.estimator if read is not None else recorded.estimator or EstimatorSettings()
     estimator, remark = with_a_model(begin, bag.start_ns)
-    for former in read.remarks if read is not None else ():
-        terminal.warn(former)
-    if read is not None and read.calibrated:
-        terminal.warn("shown without the calibration of these results; `mwd process --format mcap` includes it")
-    if read is not None and given == InputSettings():
-        given = read.given
+    if read is not None:
+        terminal.warn(*read.remarks)
+        if read.calibrated:
+            terminal.warn("shown without the calibration of these results; `mwd process --format mcap` includes it")
+        if given == InputSettings():
+            given = read.given
     with terminal.progress("processing") as progress:
         wanted = OutputSettings(format=output_format)
         summary = process.process(bag, folder, estimator, given, progress, None, wanted, recorded)
-    for warning in [remark, *summary.warnings] if remark else summary.warnings:
-        terminal.warn(warning)
+    terminal.warn(*filter(None, (remark, *summary.warnings)))

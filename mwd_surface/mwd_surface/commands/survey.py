@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from mwd_surface.commands import terminal
 from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.reference_options import (
     FIELD_PANEL,
@@ -19,6 +20,7 @@ from mwd_surface.commands.reference_options import (
     Declination,
     GivenPlace,
 )
+from mwd_surface.commands.table_reference import GivenReference, RowReference, table_reference, table_settings
 
 
 @takes(PLACE)
@@ -38,7 +40,7 @@ def survey(
     ] = False,
     runs: Annotated[
         str | None,
-        typer.Option("--runs", help="Column that names the tool run of each row; by default run, bha or tool."),
+        typer.Option(help="Column that names the tool run of each row; by default run, bha or tool."),
     ] = None,
     config: Config = None,
     changes: Changes = None,
@@ -65,7 +67,6 @@ def survey(
       mwd survey stations.csv --single
     """
     from mwd_estimation.settings.derivation import station_params
-    from mwd_surface.commands import terminal
     from mwd_surface.commands.survey_table import (
         correction_sentences,
         repeated,
@@ -73,7 +74,6 @@ def survey(
         run_sentences,
         show_surveys,
     )
-    from mwd_surface.commands.table_reference import GivenReference, RowReference, table_reference, table_settings
     from mwd_surface.list_files.six_axis_columns import find_columns
     from mwd_surface.list_files.six_axis_table import single_stations, table_rows
     from mwd_surface.list_files.table import read_table
@@ -91,23 +91,18 @@ def survey(
     params = station_params(settings)
     with terminal.progress(f"{len(read)} stations") as progress:
         worked = table_surveys(single_stations(read, params) if single else run_stations(read, params, progress))
-    console = terminal.output()
-    for remark in remarks:
-        terminal.warn(remark)
+    terminal.warn(*remarks)
     records = [row.record for row in worked]
-    show_surveys(console, records)
-    for sentence in correction_sentences([row.reference for row in read]):
-        console.print(sentence, markup=False)
-    for sentence in [] if single else [*run_sentences(worked), *revision_sentences(records)]:
-        console.print(sentence, markup=False)
+    show_surveys(records)
+    terminal.tell(*correction_sentences([row.reference for row in read]))
+    if not single:
+        terminal.tell(*run_sentences(worked), *revision_sentences(records))
     if all(math.isnan(row.azimuth) for row in read):
-        console.print(
+        terminal.tell(
             "the table has no azimuths of its own: nothing shows whether its axes are right-handed; in a left-handed "
-            "table every azimuth is mirrored at magnetic north",
-            markup=False,
+            "table every azimuth is mirrored at magnetic north"
         )
-    for sentence in repeated(worked, settings):
-        console.print(sentence, markup=False)
+    terminal.tell(*repeated(worked, settings))
     if output is not None:
         lines = [
             survey_csv.cells(row.record) | {"time": row.time, "run": row.run, "outlier": "yes" if row.outlier else "no"}

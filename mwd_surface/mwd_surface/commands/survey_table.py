@@ -7,7 +7,6 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.text import Text
 
 from mwd_estimation.core.north import North
@@ -15,6 +14,7 @@ from mwd_estimation.core.reference_field import best_north, north_correction
 from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.core.frames import wrap_pi
+from mwd_surface.commands import terminal
 from mwd_surface.commands.spoken_console import SpokenTable
 from mwd_surface.surveys.station_checks import NO_DEPTH
 from mwd_surface.surveys.station_quality import DOUBTFUL, REJECT, totals
@@ -29,11 +29,7 @@ COLOURS = {"accept": "green", "doubtful": "yellow", "reject": "red"}
 _MOST = 12  # largest number of surveys that are printed
 
 
-def show_surveys(
-    console: Console,
-    records: Sequence[SurveyRecord],
-    convention: AngleConvention = AngleConvention.INCLINATION,
-) -> None:
+def show_surveys(records: Sequence[SurveyRecord], convention: AngleConvention = AngleConvention.INCLINATION) -> None:
     """
     Print a table of surveys with their depths, in the given order, then the reasons for their verdicts.
 
@@ -62,18 +58,17 @@ def show_surveys(
             degrees(survey.dip),
             Text(word, style=COLOURS[word]),
         )
-    console.print(table, soft_wrap=False)
-    show_actions(console, [(r.survey.sequence, Verdict(r.survey.verdict).word, r.survey.action) for r in records])
+    terminal.output().print(table, soft_wrap=False)
+    show_actions([(r.survey.sequence, Verdict(r.survey.verdict).word, r.survey.action) for r in records])
     off = [r.survey.sequence for r in records if _accepted_beyond(r.survey)]
     if off:
-        console.print(
+        terminal.tell(
             f"{numbered(off):>4} accepted with total field or dip beyond its limit, because of a wider sigma; if all "
-            "stations deviate alike, check place, date and reference",
-            markup=False,
+            "stations deviate alike, check place, date and reference"
         )
 
 
-def show_actions(console: Console, stations: Sequence[tuple[int, str, str]]) -> None:
+def show_actions(stations: Sequence[tuple[int, str, str]]) -> None:
     """
     Print the main reasons for verdicts; stations with the same verdict and reason are on one line.
 
@@ -84,6 +79,7 @@ def show_actions(console: Console, stations: Sequence[tuple[int, str, str]]) -> 
     for number, verdict, action in stations:
         if action:
             numbers.setdefault((verdict, action), []).append(number)
+    console = terminal.output()
     for (verdict, action), which in numbers.items():
         console.print(Text.assemble(f"{numbered(which):>4} ", (verdict, COLOURS[verdict]), f": {action}"))
 

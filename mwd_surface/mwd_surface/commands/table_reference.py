@@ -10,6 +10,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mwd_surface.commands.reference_options import estimator_settings, field_figures, place_changes
+
 if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.settings.estimator import EstimatorSettings
@@ -43,8 +45,6 @@ class GivenReference:
 
         Raise ValueError if --field cannot be read.
         """
-        from mwd_surface.commands.reference_options import field_figures
-
         if declination is None and field is not None:
             declination = field_figures(field)[2]
         return cls(declination, convergence, gravity)
@@ -69,7 +69,6 @@ def table_settings(config: Path | None, changes: Sequence[str] | None, given: Gi
         Options contradict each other, or a setting of the place would not be used.
     """
     from mwd_estimation.settings.place import Place
-    from mwd_surface.commands.reference_options import estimator_settings, place_changes
 
     named = place_changes(*given)
     # The rows of a table may contain a declination that the options do not give.

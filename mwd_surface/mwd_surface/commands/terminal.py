@@ -104,14 +104,23 @@ def write(folder: Path, files: Mapping[str, str | bytes]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, data in files.items():
         write_whole(folder / name, data)
-    output().print(f"written: {', '.join(str(folder / name) for name in files)}", markup=False)
+    tell(f"written: {', '.join(str(folder / name) for name in files)}")
 
 
-def warn(sentence: str) -> None:
-    """Print a warning."""
+def tell(*lines: str) -> None:
+    """Print lines of the result."""
+    console = output()
+    for line in lines:
+        console.print(line, markup=False)
+
+
+def warn(*sentences: str) -> None:
+    """Print warnings."""
     from rich.text import Text
 
-    remarks().print(Text.assemble(("warning", "yellow"), ": ", sentence))
+    console = remarks()
+    for sentence in sentences:
+        console.print(Text.assemble(("warning", "yellow"), ": ", sentence))
 
 
 def remark(sentence: str) -> None:

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from mwd_surface.commands import terminal
 
 if TYPE_CHECKING:
     from mwd_sensors.core.arrays import Array
@@ -37,12 +40,11 @@ def new(
       mwd tool new -o siren.yaml --code psk
     """
     from mwd_sensors.telemetry.tool_configuration import starting, text
-    from mwd_surface.commands import terminal
 
     configuration = starting(code)
     with output.open("x", encoding="utf-8") as file:
         file.write(text(configuration))
-    terminal.output().print(f"written: {output}", markup=False)
+    terminal.tell(f"written: {output}")
 
 
 @tool.command()
@@ -58,8 +60,7 @@ def check(
     on: Annotated[
         Path | None,
         typer.Option(
-            "--on",
-            help="Pressure (CSV, WAV or recording) with the tool's signal, to find its pulse width, sync and parity.",
+            help="Pressure (CSV, WAV or recording) with the tool's signal, to find its pulse width, sync and parity."
         ),
     ] = None,
     columns: Annotated[str, typer.Option(help="Columns of a table with pressure, as in `mwd decode`.")] = "",
@@ -74,33 +75,30 @@ def check(
       mwd tool check tool.yaml --on pressure.csv
     """
     from mwd_sensors.telemetry import tool_configuration
-    from mwd_surface.commands import terminal
 
     read = tool_configuration.read(configuration)
-    console = terminal.output()
     bits = sum(item.length for item in read.surveys[0])
     rate = bits / read.seconds(read.surveys[0])
-    console.print(f"{read.code}, {_signal_line(read)}, {rate:.2f} bit/s of words", markup=False)
+    terminal.tell(f"{read.code}, {_signal_line(read)}, {rate:.2f} bit/s of words")
     if read.head_s:
-        console.print(f"sync and header {read.head_s:.1f} s", markup=False)
-    console.print(f"sent {read.transmit_delay_s:g} s after flow-on", markup=False)
+        terminal.tell(f"sync and header {read.head_s:.1f} s")
+    terminal.tell(f"sent {read.transmit_delay_s:g} s after flow-on")
     for number, items in enumerate(read.surveys):
         on_air = read.seconds(items)
         total = read.transmit_delay_s + read.head_s + on_air
-        console.print(f"survey {number}: {on_air:.1f} s on air, complete {total:.0f} s after flow-on", markup=False)
+        terminal.tell(f"survey {number}: {on_air:.1f} s on air, complete {total:.0f} s after flow-on")
     for number, items in enumerate(read.toolfaces):
-        console.print(f"toolface {number}: {_toolface_line(read, items)}", markup=False)
+        terminal.tell(f"toolface {number}: {_toolface_line(read, items)}")
     pulses = read.code in tool_configuration.PULSE_CODES
     seen = dict.fromkeys(item for items in (*read.surveys, *read.toolfaces) for item in items)
     for item in seen:
         unprotected = "" if item.parity or not pulses else ", no parity: errors cannot be detected"
-        console.print(f"  {_word_line(item, read.table[item.name])}{unprotected}", markup=False)
+        terminal.tell(f"  {_word_line(item, read.table[item.name])}{unprotected}")
     if not read.toolfaces:
-        console.print("no toolface sequence: silent after the survey", markup=False)
+        terminal.tell("no toolface sequence: silent after the survey")
     lines = [] if channel is None else _channel_lines(read, channel, columns)
     lines += [] if on is None else _lines_on(read, on, columns)
-    for line in lines:
-        console.print(line, markup=False)
+    terminal.tell(*lines)
 
 
 def _word_line(item: SequenceItem, word: Word) -> str:
@@ -241,7 +239,6 @@ def simulate(
     from mwd_sensors.simulator.mud_channel import MudChannel
     from mwd_sensors.simulator.mud_line import WellGeometry
     from mwd_sensors.telemetry import tool_configuration
-    from mwd_surface.commands import terminal
 
     read = tool_configuration.read(configuration)
     flow_on, seconds, error = 20.0, 60.0 * minutes, 0.01 * clock
@@ -290,7 +287,7 @@ def simulate(
             for word in words
         ),
     )
-    terminal.output().print(f"written: {output}/{name}, sent.csv ({len(words)} words sent)", markup=False)
+    terminal.tell(f"written: {output}/{name}, sent.csv ({len(words)} words sent)")
 
 
 @tool.command()
@@ -340,11 +337,8 @@ def locate(
       mwd tool locate readings.csv --tool tool.yaml --words decoded/words.csv --azimuth 42
       mwd tool locate readings.csv --pitch -4.5 --calibrate 3,18.5
     """
-    import math
-
     from mwd_sensors.telemetry import tool_configuration
     from mwd_sensors.telemetry.carrier import Coil
-    from mwd_surface.commands import terminal
     from mwd_surface.receiver import sonde_locate, surface_readings
 
     if words is not None and pitch is not None:
@@ -360,10 +354,8 @@ def locate(
     )
     errors = sonde_locate.ReadingErrors(1e-9 * noise, share)
     fix = sonde_locate.locate(surface_readings.read(readings), known, errors)
-    for line in surface_readings.lines(fix, sent):
-        terminal.output().print(line, markup=False)
-    for doubt in fix.doubts:
-        terminal.warn(doubt)
+    terminal.tell(*surface_readings.lines(fix, sent))
+    terminal.warn(*fix.doubts)
 
 
 def _write_samples(path: Path, column: str, time_s: Array, value: Array) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from mwd_sensors.core.angle_convention import AngleConvention
+from mwd_surface.commands import terminal
 from mwd_surface.commands.scenario import scenario_names
 
 
@@ -26,7 +27,7 @@ def tools(
     ] = None,
     angles: Annotated[
         AngleConvention | None,
-        typer.Option("--angles", help="Vertical angle of the tables; by default that of each scenario."),
+        typer.Option(help="Vertical angle of the tables; by default that of each scenario."),
     ] = None,
 ) -> None:
     """
@@ -42,7 +43,6 @@ def tools(
     """
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
-    from mwd_surface.commands import terminal
     from mwd_surface.commands.spoken_console import SpokenTable
     from mwd_surface.runs.tool_comparison import COMPARISON_COLUMNS, compared, comparison_cells
     from mwd_surface.signals.cells import table as csv_table

@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mwd_surface.commands.list_options import LIST
+from mwd_surface.commands import terminal
+from mwd_surface.commands.list_options import LIST, assigned
 from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.sources import survey_list_at
+from mwd_surface.commands.speech import spoken_figure
 
 if TYPE_CHECKING:
     from mwd_surface.list_files.list_settings import ListSettings
@@ -37,7 +40,6 @@ def trajectory(
     continuous_set: Annotated[
         list[str] | None,
         typer.Option(
-            "--continuous-set",
             help="How to read the continuous table: an option of panel List, e.g. length_unit=ft. May be repeated.",
             metavar="NAME=VALUE",
         ),
@@ -57,9 +59,6 @@ def trajectory(
       mwd trajectory processed --recording bags/run_7 -o dense
       mwd trajectory list.csv --continuous continuous.las -o dense --step 0.5
     """
-    from mwd_surface.commands import terminal
-    from mwd_surface.commands.list_options import assigned
-    from mwd_surface.commands.speech import spoken_figure
     from mwd_surface.exports.trajectory_files import summary, trajectory_csv, trajectory_las
     from mwd_surface.list_files.list_file import is_list
     from mwd_surface.list_files.list_settings import ListSettings
@@ -86,11 +85,10 @@ def trajectory(
         raise ValueError(f"{source} has no slide sheet: give --slides, --continuous or --recording")
     path = surveys.definitive()
     found = dense_trajectory(path, given, stretches, step)
-    for remark in (*remarks, *found.remarks):
-        terminal.warn(remark)
+    terminal.warn(*remarks, *found.remarks)
     if not found.has_detail:
         terminal.warn("there are no data between the stations: every interval is computed as a circular arc")
-    terminal.output().print(summary(found), markup=False)
+    terminal.tell(summary(found))
     files: dict[str, str | bytes] = {
         "trajectory.csv": trajectory_csv(found, path),
         "trajectory.las": trajectory_las(found, surveys),
@@ -101,8 +99,6 @@ def trajectory(
 
 def _of_table(table: Path, said: ListSettings) -> Continuous:
     """Return the continuous measurements of a table, read with the settings `said`; ListFileError if it is refused."""
-    import dataclasses
-
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_file import read_list
     from mwd_surface.list_files.list_settings import asked

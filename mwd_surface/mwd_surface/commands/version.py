@@ -3,6 +3,11 @@
 
 from __future__ import annotations
 
+import os
+
+from mwd_surface import __version__
+from mwd_surface.commands import terminal
+
 
 def version() -> None:
     """
@@ -12,18 +17,13 @@ def version() -> None:
     Example:
       mwd version
     """
-    from mwd_surface.commands import terminal
-
-    for line in version_lines():
-        terminal.output().print(line, markup=False)
+    terminal.tell(*version_lines())
 
 
 def version_lines() -> list[str]:
     """Return lines with the versions of mwd, Python, ROS and the main packages."""
     import importlib.metadata
     import platform
-
-    from mwd_surface import __version__
 
     lines = [
         f"mwd {__version__}",
@@ -41,7 +41,6 @@ def version_lines() -> list[str]:
 def _distribution() -> str:
     """Return the name of the ROS distribution, "jazzy (wheels)" without an installation, or "is not installed"."""
     import importlib.util
-    import os
 
     if importlib.util.find_spec("rclpy") is None:
         return "is not installed"

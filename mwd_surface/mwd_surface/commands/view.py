@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mwd_surface.commands.list_options import PlanSet
+from mwd_surface.commands import terminal
+from mwd_surface.commands.list_options import PlanSet, read_plan_option
 from mwd_surface.commands.option_group import takes
 from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
 from mwd_surface.commands.sources import estimated
@@ -53,7 +55,6 @@ def view(
       mwd view bags/run_7 --rate 10 --start 600
     """
     from mwd_surface.bags.bag_reader import Bag, BagError
-    from mwd_surface.commands import terminal
     from mwd_surface.page.page_server import PageServer
     from mwd_surface.page.settings import PageSettings
     from mwd_surface.processing.bag_input import worth_saying
@@ -77,8 +78,7 @@ def view(
     asked = Playing(not paused, rate, reading["start_s"] or 0.0)
     with contextlib.ExitStack() as held:
         bag = held.enter_context(Bag(recording))
-        for note in worth_saying(bag):
-            terminal.warn(note)
+        terminal.warn(*worth_saying(bag))
         planned = _plan(bag, plan, plan_set)
         settings = recorded_well(bag, namespace_of(bag))
         if not namespace_of(bag):
@@ -100,15 +100,13 @@ def view(
         server = PageServer(PageSettings(port=page_port), on_replay=on_replay, now=lambda: player.well.clock.now)
         server.start()
         held.callback(server.stop)
-        terminal.output().print(f"{recording}: page at {server.address}; Ctrl-C ends", markup=False)
+        terminal.tell(f"{recording}: page at {server.address}; Ctrl-C ends")
         with contextlib.suppress(KeyboardInterrupt):
             _play(player, asked, server)
 
 
 def _play(player: Player, asked: Playing, server: PageServer) -> None:
     """Play the recording on the page until interrupted; show intermediate states during a long seek."""
-    import time
-
     from mwd_surface.page.state_json import StateJson
 
     settings = player.well.live.settings
@@ -145,8 +143,6 @@ def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
     path, said: values of --plan and --plan-set. A named file that is not on this machine counts as no plan, with a
     remark. Raises ListFileError if the file of the plan cannot be read.
     """
-    from mwd_surface.commands import terminal
-    from mwd_surface.commands.list_options import read_plan_option
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked
     from mwd_surface.live.plan_monitor import PlanMonitor

@@ -123,7 +123,7 @@ FORMATS: dict[str, Format] = {
 }
 
 
-def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") -> Path:
+def export_file(table: SurveyTable, kind: str, folder: str | Path, name: str = "") -> Path:
     """
     Write one file, completely or not at all.
 

@@ -12,6 +12,7 @@ import numpy as np
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, Section, sheet_of
 from mwd_surface.logs.depth_log import Curve
 from mwd_surface.logs.tool_health import ToolHealth
+from mwd_surface.plots.drawing import new_figure
 from mwd_surface.signals.signal import Display
 from mwd_surface.signals.units import UNITS, UnitScale
 
@@ -100,10 +101,8 @@ def log_section(curves: Sequence[Curve], display: Display) -> Section | None:
 
 def tracks(curves: Sequence[Curve], display: Display) -> Figure:
     """Return a figure with a track for each curve, and an image next to each curve that has sectors."""
-    from matplotlib.figure import Figure
-
     images = [curve for curve in curves if np.isfinite(curve.sectors).any()]
-    figure = Figure(figsize=(11.0, 5.6), layout="constrained")
+    figure = new_figure(11.0, 5.6)
     axes = np.atleast_1d(figure.subplots(1, len(curves) + len(images), sharey=True))
     place = iter(axes)
     for curve in curves:

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.survey_table import SurveyTable
-from mwd_surface.plots.drawing import BAD, BLUE, GOOD, NEUTRAL, SKY, grid
+from mwd_surface.plots.drawing import BAD, BLUE, GOOD, NEUTRAL, SKY, arcs, grid, new_figure
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.trajectory.plan import interpolated
 from mwd_surface.trajectory.well_path import ASSUMED
@@ -27,17 +26,10 @@ ELLIPSE_SIGMAS = 2.0  # semi-axes of the error ellipses, in sigmas
 _QUALITY = (("ΔG, mg", 1e3 / STANDARD_GRAVITY), ("ΔB, nT", 1e9), ("Δdip, deg", 180.0 / math.pi))
 
 
-def _new(width: float, height: float) -> tuple[Figure, Any]:
-    # Do not use pyplot, which keeps every figure in a global list.
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    return figure, figure.subplots()
-
-
 def plan_view(table: SurveyTable) -> Figure:
     """Return the figure of the path in plan view, with error ellipses of some stations and the planned path."""
-    figure, ax = _new(6.2, 5.6)
+    figure = new_figure(6.2, 5.6)
+    ax = figure.subplots()
     if table.plan is not None:
         line = interpolated(table.plan, 10.0).positions
         ax.plot(line[:, 1], line[:, 0], "--", color=_PLAN, label="plan")
@@ -60,7 +52,8 @@ def section_view(table: SurveyTable) -> Figure:
 
     The figure also shows the error ellipses of some stations and the planned path.
     """
-    figure, ax = _new(6.2, 5.6)
+    figure = new_figure(6.2, 5.6)
+    ax = figure.subplots()
     azimuth = table.path.section_azimuth
     along = np.array([math.cos(azimuth), math.sin(azimuth)])
     if table.plan is not None:
@@ -79,9 +72,7 @@ def section_view(table: SurveyTable) -> Figure:
 
 def quality_view(table: SurveyTable) -> Figure:
     """Return the figure of the deviations of gravity, field and dip over depth, with the limits as a band."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.6, 4.4), layout="constrained")
+    figure = new_figure(9.6, 4.4)
     axes = figure.subplots(1, 3, sharey=True)
     deep = (r for r in table.surveys.records if math.isfinite(r.measured_depth))
     records = sorted(deep, key=lambda r: r.measured_depth)
@@ -116,31 +107,21 @@ def _padded(limit: Any, ends: tuple[list[float], list[float]]) -> Any:
 
 
 def _path_line(ax: Any, table: SurveyTable, axes: Any) -> None:
-    projected = table.path.kind[-1] == "projected"
-    last = len(table.path.kind) - projected
-    assumed = table.path.kind[0] == ASSUMED
+    path = table.path
+    projected = path.kind[-1] == "projected"
+    last = len(path.kind) - projected
+    assumed = path.kind[0] == ASSUMED
     # Between stations the path is drawn as an arc.
-    md, whole = _dense(table)
-    measured = (md >= table.path.md[1]) if assumed else np.full(md.size, True)
+    md, whole = arcs(path.md, path.inclination, path.azimuth, path.positions)
+    measured = (md >= path.md[1]) if assumed else np.full(md.size, True)
     ax.plot(*axes(whole[measured]), color=_SURVEY, linewidth=1.2)
     if assumed:
         # Draw the assumed hole down to the first survey, so that the line has no gap.
-        ax.plot(*axes(whole[md <= table.path.md[1]]), ":", color=BAD, linewidth=1.4, label="hole assumed, not surveyed")
-    words = "survey, place assumed" if table.path.assumed else "survey"
-    ax.plot(*axes(table.path.positions[int(assumed) : last]), "o", color=_SURVEY, markersize=3.5, label=words)
+        ax.plot(*axes(whole[md <= path.md[1]]), ":", color=BAD, linewidth=1.4, label="hole assumed, not surveyed")
+    words = "survey, place assumed" if path.assumed else "survey"
+    ax.plot(*axes(path.positions[int(assumed) : last]), "o", color=_SURVEY, markersize=3.5, label=words)
     if projected:
-        ax.plot(*axes(table.path.positions[-1:]), "D", color=BAD, markersize=5, label="bit (projected)")
-
-
-def _dense(table: SurveyTable) -> tuple[Array, Array]:
-    """Return dense measured depths, m, shape (n,), and positions, shape (n, 3), m, to draw the path as arcs."""
-    from mwd_sensors.core import minimum_curvature as mc
-
-    path = table.path
-    if path.md.size < 2:
-        return path.md, path.positions
-    md = np.unique(np.concatenate([path.md, np.linspace(path.md[0], path.md[-1], 400)]))
-    return md, mc.interpolate(path.md, path.inclination, path.azimuth, path.positions, md)[2]
+        ax.plot(*axes(path.positions[-1:]), "D", color=BAD, markersize=5, label="bit (projected)")
 
 
 def _some(table: SurveyTable) -> list[tuple[str, int]]:

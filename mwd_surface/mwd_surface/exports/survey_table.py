@@ -144,13 +144,12 @@ def survey_table(
     *,
     leg: str | None = None,
     bit_depth: float | None = None,
-    plan: Plan | None = None,
     software: str = "",
     stretches: Sequence[DrilledStretch] = (),
     sections: Sequence[Section] = (),
 ) -> SurveyTable:
     """
-    Return the printed table of one leg.
+    Return the printed table of one leg; with a plan in the list, also distance from and direction to the plan.
 
     Parameters
     ----------
@@ -160,8 +159,6 @@ def survey_table(
         Leg to print; by default the current leg.
     bit_depth : float, optional
         Depth to which the last row is projected, m; if omitted, `sensor_to_bit` below the last survey.
-    plan : Plan, optional
-        Plan to use instead of the plan of the list. With a plan the table has distance from and direction to the plan.
     software : str
         Name and version for the head block.
     stretches : sequence of DrilledStretch
@@ -174,8 +171,6 @@ def survey_table(
     ValueError
         The leg does not exist, or the bit depth is not finite.
     """
-    if plan is not None:
-        surveys = surveys.along(plan)
     path = surveys.definitive(leg)
     if bit_depth is None and path.kind[-1] == "survey" and surveys.well.sensor_offset > 0.0:
         bit_depth = float(path.md[-1]) + surveys.well.sensor_offset

@@ -17,6 +17,13 @@ from typing import ClassVar
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.message_record import MessageRecord
 
+# Largest number of alarms and of events. A further event replaces the oldest event. A further alarm replaces the oldest
+# alarm that is no longer active; if all are active, the new alarm is refused and an event is logged.
+_MAX_ALARMS, _MAX_EVENTS = 200, 1000
+
+Causes = dict[str, tuple[int, str, str]]
+"""Id of an alarm -> severity, text and remedy."""
+
 
 class Severity(enum.IntEnum):
     """Severity of an alarm or event, with the numbers of mwd_msgs/Alarm."""
@@ -85,22 +92,12 @@ class AlarmLog:
         Returns the time with which alarms and events are stamped, ns since the epoch.
     tell : callable, optional
         `tell(text, severity)`, called with each event of `log_event`, and when an alarm begins or becomes more severe.
-    max_alarms, max_events : int
-        Largest number of alarms and of events. A further event replaces the oldest event. A further alarm replaces the
-        oldest alarm that is no longer active; if all are active, the new alarm is refused and an event is logged.
     """
 
-    def __init__(
-        self,
-        now_ns: Callable[[], int],
-        tell: Callable[[str, Severity], None] = _untold,
-        max_alarms: int = 200,
-        max_events: int = 1000,
-    ) -> None:
+    def __init__(self, now_ns: Callable[[], int], tell: Callable[[str, Severity], None] = _untold) -> None:
         self.now_ns, self._tell = now_ns, tell
         self._alarms: dict[str, Alarm] = {}
-        self._events: deque[Event] = deque(maxlen=max_events)
-        self._max_alarms = max_alarms
+        self._events: deque[Event] = deque(maxlen=_MAX_EVENTS)
         #: Number that changes with every change of the alarms or events.
         self.version = 0
         #: Number of events logged so far.
@@ -214,11 +211,11 @@ class AlarmLog:
 
     def _has_room(self, alarm: Alarm) -> bool:
         """Return whether there is room for a new alarm; if there is none, drop the oldest inactive alarm first."""
-        if len(self._alarms) < self._max_alarms:
+        if len(self._alarms) < _MAX_ALARMS:
             return True
         gone = min((a for a in self._alarms.values() if not a.active), key=lambda a: a.raised_ns, default=None)
         if gone is None:
-            text = f"not shown, {self._max_alarms} alarms are active: {alarm.text}"
+            text = f"not shown, {_MAX_ALARMS} alarms are active: {alarm.text}"
             self._log("note", alarm.id, text, Severity.INFO)
             return False
         del self._alarms[gone.id]

@@ -9,7 +9,7 @@ from typing import Any
 
 from mwd_sensors.core.unknown import or_nan
 from mwd_sensors.core.wire import OVER
-from mwd_surface.live.alarms import Severity
+from mwd_surface.live.alarms import Causes, Severity
 from mwd_surface.live.supervision import TABLE
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.live.well_state import DiagnosticLevel, NodeDiagnostic, ReferenceFieldState, SurveyProgress
@@ -150,9 +150,9 @@ class DiagnosticsMonitor:
         if worst_first != self._live.parts.diagnostics:
             self._live.show(now, diagnostics=worst_first)
 
-    def _node_alarms(self, now: float) -> dict[str, tuple[int, str, str]]:
+    def _node_alarms(self, now: float) -> Causes:
         """Return alarms for errors of other nodes, and for errors and warnings of sensors, by id."""
-        causes: dict[str, tuple[int, str, str]] = {}
+        causes: Causes = {}
         for node, (received_at, found) in self._diagnostics_of.items():
             if now - received_at >= _DIAGNOSTICS_AGE_S:
                 continue

@@ -6,10 +6,9 @@ from __future__ import annotations
 import math
 
 from mwd_sensors.telemetry.tool_limits import BatteryLimits
-from mwd_surface.live.alarms import Severity
+from mwd_surface.live.alarms import Causes, Severity
 from mwd_surface.logs.tool_health import BatteryHealth, Exposure, ToolHealth
 
-Causes = dict[str, tuple[int, str, str]]
 # Used share of the tool's life at which an alarm is raised: the rest is needed to pull the tool out of the hole.
 _DOSE_WARNING = 0.8
 _EMPTY_H = 3.0  # remaining battery time below which the alarm is critical, h; shorter than a trip out of a deep hole

@@ -74,14 +74,12 @@ NO_VALUE = LiveValue()
 
 @dataclasses.dataclass(frozen=True)
 class StreamState:
-    """State of a stream: freshness, last arrival and age, s, messages received and lost, and rate, Hz, or None."""
+    """State of a stream: freshness, last arrival and age, s, and rate of its messages, Hz; None if unknown."""
 
     state: Freshness
     at: float | None
     age: float | None
     stale_after: float
-    count: int
-    lost: int
     rate: float | None
 
 
@@ -96,8 +94,6 @@ class _Latest:
 
 @dataclasses.dataclass
 class _Stream:
-    count: int = 0
-    lost: int = 0
     at: float | None = None
     seconds: deque[list[int]] = dataclasses.field(default_factory=lambda: deque(maxlen=2 * _WINDOW + 2))
 
@@ -118,9 +114,9 @@ class LatestValues:
         self._values = {name: _Latest() for name in quantities}
         self._streams = {name: _Stream() for name in periods}
 
-    def arrived(self, stream: str, count: int, now: float, lost: int = 0) -> None:
+    def arrived(self, stream: str, count: int, now: float) -> None:
         """
-        Count messages of a stream, for its rate, age and losses.
+        Count messages of a stream, for its rate and age.
 
         Raises
         ------
@@ -130,7 +126,7 @@ class LatestValues:
         if stream not in self._streams:
             raise ValueError(f"stream: {stream!r} is not one of {', '.join(self._streams)}")
         s = self._streams[stream]
-        s.count, s.lost, s.at = s.count + count, s.lost + lost, now
+        s.at = now
         second = math.floor(now)
         if s.seconds and s.seconds[-1][0] == second:
             s.seconds[-1][1] += count
@@ -190,8 +186,6 @@ class LatestValues:
                 at=stream.at,
                 age=age,
                 stale_after=self._stale_after(name),
-                count=stream.count,
-                lost=stream.lost,
                 rate=_rate(stream, now),
             )
         return states

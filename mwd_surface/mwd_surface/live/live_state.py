@@ -107,9 +107,9 @@ class LiveState:
     """
     Collector of the state of one well.
 
-    Methods `on_...` take samples; angles and times as in the messages. A number that is not finite is left out and does
-    not count as an update. This class is not thread-safe: make all calls from one thread. A state returned by `at` does
-    not change and may be read in any thread.
+    Methods `on_...` take samples, at least one; angles and times as in the messages. A number that is not finite is
+    left out and does not count as an update. This class is not thread-safe: make all calls from one thread. A state
+    returned by `at` does not change and may be read in any thread.
 
     Attributes
     ----------
@@ -174,24 +174,20 @@ class LiveState:
         self.on_stream("recorder", 1, now)
         self.show(now, recorder=status)
 
-    def on_stream(self, stream: str, count: int, now: float, lost: int = 0) -> None:
+    def on_stream(self, stream: str, count: int, now: float) -> None:
         """
-        Count messages of a stream, for its rate, age and losses.
+        Count messages of a stream, for its rate and age.
 
         Raises
         ------
         ValueError
             The stream is unknown.
         """
-        self._values.arrived(stream, count, now, lost)
+        self._values.arrived(stream, count, now)
 
     def on_attitude(self, samples: Samples, now: float) -> None:
         """Accept attitudes, `wire.ATTITUDE`, oldest first, and select the toolface (`toolface_reading`)."""
-        if len(samples) == 0:
-            return
-        self.on_stream("estimator", len(samples), now)
-        last = samples[-1]
-        self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
+        last = self._newest(samples, now, "estimator")
         self._sample = samples[-1:].copy()
         why = next((text for bit, text in _WHY if int(last["status"]) & bit), _NOT_KNOWN)
         for name in _ANGLES:
@@ -235,11 +231,7 @@ class LiveState:
 
         If this one has no stick-slip index, the stick-slip is withheld with the reason "not turning".
         """
-        if len(samples) == 0:
-            return
-        self.on_stream("dynamics", len(samples), now)
-        last = samples[-1]
-        self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
+        last = self._newest(samples, now, "dynamics")
         if math.isfinite(last["stick_slip_index"]):
             self._put("stick_slip", float(last["stick_slip_index"]), None, now)
         else:
@@ -260,12 +252,7 @@ class LiveState:
 
         Only the last one is used; a temperature outside `_COLDEST` to `_HOTTEST` is withheld with a reason.
         """
-        if len(samples) == 0:
-            return
-        self.on_stream("sonde", len(samples), now)
-        self.on_stream("temperature", len(samples), now)
-        last = samples[-1]
-        self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
+        last = self._newest(samples, now, "sonde", "temperature")
         celsius, variance = float(last["temperature"]), float(last["variance"])
         if _COLDEST <= celsius <= _HOTTEST:
             self._put("temperature", celsius, math.sqrt(variance) if variance > 0.0 else None, now)
@@ -280,11 +267,7 @@ class LiveState:
 
         The mean is withheld while the estimator reports that the magnetometer cannot be used.
         """
-        if len(samples) == 0:
-            return
-        self.on_stream("sonde", len(samples), now)
-        self.on_stream("magnetometer", len(samples), now)
-        self._measured_at = self.moment(SONDE, int(samples["stamp_ns"][-1]), now)
+        self._newest(samples, now, "sonde", "magnetometer")
         totals = np.linalg.norm(samples["magnetic_field"], axis=1)
         if self._without_magnetometer(now):
             self._withhold("total_field", "no magnetometer", now)
@@ -293,11 +276,7 @@ class LiveState:
 
     def on_interference(self, samples: Samples, now: float) -> None:
         """Accept estimates of magnetic interference, `wire.INTERFERENCE`; only the last one is used."""
-        if len(samples) == 0:
-            return
-        self.on_stream("interference", len(samples), now)
-        last = samples[-1]
-        self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
+        last = self._newest(samples, now, "interference")
         axial, sigma = float(last["axial"]), float(last["sigma_axial"])
         across = np.asarray(last["cross_axial"], dtype=float)
         sigma_across = np.asarray(last["sigma_cross_axial"], dtype=float)
@@ -308,11 +287,7 @@ class LiveState:
 
     def on_rig_state(self, samples: Samples, now: float) -> None:
         """Accept rig data, `wire.RIG_STATE`; use the last sample, and only its valid fields."""
-        if len(samples) == 0:
-            return
-        self.on_stream("rig", len(samples), now)
-        last = samples[-1]
-        self._measured_at = self.moment("rig", int(last["stamp_ns"]), now)
+        last = self._newest(samples, now, "rig", clock="rig")
         valid = int(last["valid"])
         for field, name in _RIG.items():
             if valid & RIG_VALID[field]:
@@ -363,6 +338,14 @@ class LiveState:
     def streams(self, now: float) -> dict[str, StreamState]:
         """Return the state of each stream at `now`, by name."""
         return self._values.streams(now)
+
+    def _newest(self, samples: Samples, now: float, *streams: str, clock: str = SONDE) -> Any:
+        """Count samples in their streams, and return the last one; the next values were measured at its stamp."""
+        for stream in streams:
+            self.on_stream(stream, len(samples), now)
+        last = samples[-1]
+        self._measured_at = self.moment(clock, int(last["stamp_ns"]), now)
+        return last
 
     def _attitude(self, now: float) -> AttitudeState:
         inclination, azimuth = (self._value(name, now) for name in _ANGLES)

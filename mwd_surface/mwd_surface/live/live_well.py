@@ -33,12 +33,12 @@ from mwd_surface.live.log_monitor import LogMonitor
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.said import SaidByTheSurface
 from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
-from mwd_surface.live.source_selection import SourceRules
+from mwd_surface.live.source_selection import SourceRules, SourceSelection
 from mwd_surface.live.stream_decoder import RIG, StreamDecoder
 from mwd_surface.live.supervision import TABLE, Supervision
 from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.live.toolface import MAGNETIC
-from mwd_surface.live.well_context import WellContext, WellOutlet
+from mwd_surface.live.well_context import WellContext
 from mwd_surface.live.well_state import AlarmState, WellState
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.leg_settings import LegSettings
@@ -140,17 +140,18 @@ class LiveWell:
         self._outlet, self._decode = context.outlet, decode
         over_link = settings.link.source != "direct"
         self.live.show(self.clock.now, over_link=over_link)
-        self.decoder = StreamDecoder(
-            context,
-            on_attitude=self._on_attitude,
-            on_rig_state=self._on_rig_state,
-            on_sonde=self._on_sonde,
-            on_rig_input=self._on_rig_input,
-            rules=settings.rig_sources,
-        )
-        self.inputs = InputMonitor(context, self.decoder.rig_sources, link=over_link)
+        rig_sources = SourceSelection(settings.rig_sources)
+        self.inputs = InputMonitor(context, rig_sources, link=over_link)
         self.live.moment = self.inputs.measured_at
         self.slides = SlideRecorder(context, settings.slides, stretches)
+        self.decoder = StreamDecoder(
+            context,
+            rig_sources,
+            on_attitude=self.slides.on_attitude,
+            on_rig_state=self._on_rig_state,
+            on_sonde=self._on_sonde,
+            on_rig_input=self.inputs.on_rig_input,
+        )
         self.diagnostics = DiagnosticsMonitor(context, full_name, settings.link.source)
         self._supervision = SupervisionMonitor(context)
         self._link = LinkMonitor(context, settings.link.source, on_gauge=self.inputs.on_gauge)
@@ -271,17 +272,11 @@ class LiveWell:
                 # Skip this message only, so that later messages of the queue are still handled.
                 self.decoder.unreadable += 1
 
-    def _on_attitude(self, samples: Samples) -> None:
-        self.slides.on_attitude(samples)
-
     def _on_sonde(self, samples: Samples) -> None:
         self._supervision.on_sonde(samples)
         if not self.live.parts.over_link:
             self.inputs.on_sonde(samples)
         self.book.on_sonde(samples)
-
-    def _on_rig_input(self, frame: str, samples: Samples) -> None:
-        self.inputs.on_rig_input(frame, samples)
 
     def _on_rig_state(self, samples: Samples) -> Samples:
         paired, shown = self.inputs.in_force(samples)
@@ -344,14 +339,6 @@ class LiveWell:
     def state(self) -> WellState:
         """Return the state at the end of the last cell that was processed."""
         return self.live.at(self.clock.now)
-
-
-def first_list(settings: WellSettings) -> SurveyList:
-    """Return an empty survey list for the well and rules of the settings."""
-    return SurveyList(well=settings.well, rules=settings.rules)
-
-
-__all__ = ["LiveWell", "WellOutlet", "WellSettings", "first_list", "live_settings"]
 
 
 # Kinds of alarms that are not evaluated: without their inputs, the absence of an alarm has no meaning.

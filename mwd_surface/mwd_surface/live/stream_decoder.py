@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
-from mwd_surface.live.alarms import Severity
-from mwd_surface.live.source_selection import SourceRules, SourceSelection
+from mwd_surface.live.alarms import Causes, Severity
+from mwd_surface.live.source_selection import SourceSelection
 from mwd_surface.live.well_context import WellContext
 
 Handler = Callable[[Samples, float], None]
@@ -39,8 +39,8 @@ class StreamDecoder:
     on_rig_input : callable
         `on_rig_input(frame, samples)`, called with the rig data of every source, in force or not, before the source in
         force is used.
-    rules : SourceRules, optional
-        Priority of the sources of rig data.
+    rig_sources : SourceSelection
+        Arbitration of the sources of rig data.
 
     Attributes
     ----------
@@ -50,19 +50,17 @@ class StreamDecoder:
         Frame name of the attitude; empty before the first attitude.
     unreadable : int
         Number of messages that could not be decoded.
-    rig_sources : SourceSelection
-        Arbitration of the sources of rig data.
     """
 
     def __init__(
         self,
         context: WellContext,
+        rig_sources: SourceSelection,
         *,
         on_attitude: Callable[[Samples], None],
         on_rig_state: Callable[[Samples], Samples],
         on_sonde: Callable[[Samples], None],
         on_rig_input: Callable[[str, Samples], None],
-        rules: SourceRules | None = None,
     ) -> None:
         self._context, self._live = context, context.live
         self._on_attitude, self._on_rig_state, self._on_sonde = on_attitude, on_rig_state, on_sonde
@@ -78,8 +76,7 @@ class StreamDecoder:
             "imu/mag": (wire.MAG, self._live.on_magnetic_field),
         }
         self.buffers: dict[str, list[bytes]] = {topic: [] for topic in self._topics}
-        self._sources = {topic: SourceSelection() for topic in self._topics}
-        self.rig_sources = self._sources[RIG] = SourceSelection(rules or SourceRules())
+        self._sources = {topic: SourceSelection() for topic in self._topics} | {RIG: rig_sources}
         self.unreadable = 0
         self.tool_frame = ""
 
@@ -137,7 +134,7 @@ class StreamDecoder:
 
         Called once a second. now: steady time, s.
         """
-        causes: dict[str, tuple[int, str, str]] = {}
+        causes: Causes = {}
         for topic, selection in self._sources.items():
             if others := selection.uninvited(now):
                 text = f"{topic} comes from {', '.join([str(selection.source), *others])}: {selection.source} is used"

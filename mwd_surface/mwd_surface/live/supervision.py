@@ -10,13 +10,10 @@ same time. A missing reading counts as within the limit.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
-from mwd_surface.live.alarms import Severity
+from mwd_surface.live.alarms import Causes, Severity
 from mwd_surface.live.inputs import DISAGREEMENT
-
-Causes = dict[str, tuple[int, str, str]]
-"""Id of an alarm -> severity, text and remedy."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -222,9 +219,8 @@ class Supervision:
     prefixes: first parts of all alarm ids, for `AlarmLog.set_alarms`.
     """
 
-    def __init__(self, table: Iterable[SupervisionRow] = TABLE) -> None:
-        self._table = tuple(table)
-        self.prefixes = sorted({f"{row.alarm.partition('.')[0]}." for row in self._table})
+    def __init__(self) -> None:
+        self.prefixes = sorted({f"{row.alarm.partition('.')[0]}." for row in TABLE})
         self._since: dict[str, float] = {}
         # Text of each raised alarm with the value at that time: a text that changes every second cannot be read.
         self._raised: dict[str, str] = {}
@@ -232,7 +228,7 @@ class Supervision:
     def judge(self, readings: Mapping[str, float], now: float) -> Causes:
         """Return the alarms in force; readings: by the alarm id of their row; now: steady time, s."""
         causes: Causes = {}
-        for row in self._table:
+        for row in TABLE:
             value = readings.get(row.alarm)
             beyond = value is not None and value > row.limit
             if beyond == (row.alarm in self._raised):

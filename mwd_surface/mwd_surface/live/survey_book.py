@@ -90,12 +90,8 @@ class SurveyBook:
         self.logs = DepthLog(surveys.well.sensor_offset, log_step, history=depth.history, rules=depth)
         self.health = HealthLedger()
         self.journal: LogJournal | None = None
-        self._clock, self._live, self._alarm_log, self._outlet = (
-            context.clock,
-            context.live,
-            context.alarm_log,
-            context.outlet,
-        )
+        self._clock, self._live = context.clock, context.live
+        self._alarm_log, self._outlet = context.alarm_log, context.outlet
         self._plan = plan
         self._covariance: Any = None
         self._path: Definitive = surveys.definitive()

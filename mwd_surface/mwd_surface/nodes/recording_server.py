@@ -18,7 +18,7 @@ from mwd_sensors.ros.qos import STATE
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.recorder.recorder import Recorder
 from mwd_surface.bags.recorder.status import EventLevel, RecorderError, RecorderState, RecorderStatus
-from mwd_surface.live.alarms import Severity
+from mwd_surface.live.alarms import Causes, Severity
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages
 from mwd_surface.ros.context import SurfaceContext
@@ -240,7 +240,7 @@ class RecordingServer:
         self._start_wanted()
         status = self._recorder.status()
         self._publish_status(status)
-        causes: dict[str, tuple[int, str, str]] = {}
+        causes: Causes = {}
         if status.state in (RecorderState.PAUSED_DISK_FULL, RecorderState.FAILED):
             causes["recorder.state"] = (Severity.CRITICAL, f"recording paused: {status.reason}", _RESUMES)
         if status.dropped:

@@ -26,7 +26,7 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.messages import make, unknown
 from mwd_sensors.ros.qos import EVENT, LATCHED, STATE
 from mwd_sensors.ros.time_stamps import header
-from mwd_surface.exports.export import FORMATS, ExportError, export
+from mwd_surface.exports.export import FORMATS, ExportError, export_file
 from mwd_surface.exports.report_clearance import clearance_sections
 from mwd_surface.exports.survey_table import SurveyTable, survey_table
 from mwd_surface.live.alarms import Severity
@@ -251,7 +251,7 @@ class SurveyListServer(SurveyBook):
         table, folder = self._table(), self._folder / "exports"
 
         def write() -> Path:
-            return export(table(), request.format, folder, request.name)
+            return export_file(table(), request.format, folder, request.name)
 
         def written(job: concurrent.futures.Future[Path]) -> None:
             try:

@@ -13,7 +13,7 @@ from mwd_sensors.core import minimum_curvature
 from mwd_sensors.core.arrays import Array
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule
 from mwd_surface.clearance.well_clearance import WellClearance
-from mwd_surface.plots.drawing import BAD, DOUBTFUL, SERIES, finish_axes, grid
+from mwd_surface.plots.drawing import BAD, DOUBTFUL, SERIES, arcs, finish_axes, grid, new_figure
 from mwd_surface.uncertainty.position_covariance import ellipse
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
@@ -31,9 +31,7 @@ def ladder(found: Sequence[Clearance]) -> Figure:
 
     found: clearances, the smallest separation factor first; at most twelve wells are drawn.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.6, 4.8), layout="constrained")
+    figure = new_figure(9.6, 4.8)
     factor, distance = figure.subplots(1, 2, sharey=True)
     _bands(factor, found[0].rule)
     for k, other in enumerate(found[:_MOST]):
@@ -51,20 +49,18 @@ def ladder(found: Sequence[Clearance]) -> Figure:
     return figure
 
 
-def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None) -> Figure:
+def travelling_cylinder(found: Sequence[Clearance]) -> Figure:
     """
     Return a figure of the other wells around the hole: direction from north (toolface + azimuth), and distance.
 
-    radius: largest distance drawn, m; by default chosen so that every well is shown where its separation factor is
-    smallest. Numbers along the lines are measured depths of the drilled well.
+    Every well is shown where its separation factor is smallest. Numbers along the lines are measured depths of the
+    drilled well.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 6.2), layout="constrained")
+    figure = new_figure(6.4, 6.2)
     ax: Any = figure.add_subplot(projection="polar")
     ax.set_theta_zero_location("N")
     ax.set_theta_direction(-1)
-    most = _near(found) if radius is None else radius
+    most = _near(found)
     for k, other in enumerate(found[:_MOST]):
         colour, line = _style(k)
         shown = np.where(other.distance <= most, other.distance, np.nan)
@@ -94,12 +90,10 @@ def plan_view(near: WellClearance) -> Figure:
     A dot marks the last survey of the well; the hole ahead of it is dashed. Where the separation factor of an offset
     well is smallest, a line joins both wells, and each well has its error ellipse at 2 sigma.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 6.2), layout="constrained")
+    figure = new_figure(6.4, 6.2)
     ax: Any = figure.subplots()
     well = near.well
-    depths, whole = _dense(well)
+    depths, whole = arcs(well.md, well.inclination, well.azimuth, well.positions)
     name, last = well.name or "well", _at(well, near.surveyed)[0]
     for ahead, line, label in ((False, "-", name), (True, "--", "ahead of the last survey")):
         part = whole[depths >= near.surveyed] if ahead else whole[depths <= near.surveyed]
@@ -111,7 +105,7 @@ def plan_view(near: WellClearance) -> Figure:
         if one.other is None:
             continue
         colour, line = _style(k)
-        path = _dense(one.other)[1]
+        _, path = arcs(one.other.md, one.other.inclination, one.other.azimuth, one.other.positions)
         ax.plot(path[:, 1], path[:, 0], line, color=colour, linewidth=1.2, label=one.name)
         ends = [_at(of, float(md[one.least])) for of, md in ((well, one.md), (one.other, one.offset_md))]
         ax.plot([ends[0][0][1], ends[1][0][1]], [ends[0][0][0], ends[1][0][0]], "-", color=colour, linewidth=0.7)
@@ -130,12 +124,6 @@ def plan_view(near: WellClearance) -> Figure:
     grid(ax)
     ax.legend(fontsize=8, frameon=False, loc="best")
     return figure
-
-
-def _dense(well: UncertainWell) -> tuple[Array, Array]:
-    """Return dense measured depths, m, shape (n,), and positions, m, shape (n, 3), to draw the path as arcs."""
-    md = np.unique(np.concatenate([well.md, np.linspace(well.md[0], well.md[-1], 400)]))
-    return md, minimum_curvature.interpolate(well.md, well.inclination, well.azimuth, well.positions, md)[2]
 
 
 def _at(well: UncertainWell, md: float) -> tuple[Array, Array]:

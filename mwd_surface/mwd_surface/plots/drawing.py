@@ -8,6 +8,11 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from mwd_sensors.core import minimum_curvature
+from mwd_sensors.core.arrays import Array
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -20,6 +25,22 @@ SERIES = (BLUE, RED, SKY, BLACK, PURPLE)
 GOOD, DOUBTFUL, BAD, NEUTRAL = "#009E73", "#E69F00", RED, "#999999"
 TRUTH_COLOUR, GRID_COLOUR = "#555555", "#cccccc"
 DEGREES = 180.0 / math.pi
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of this size, inches, that arranges its axes and legends itself."""
+    # Do not use pyplot, which keeps every figure in a global list.
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def arcs(md: Array, inclination: Array, azimuth: Array, positions: Array) -> tuple[Array, Array]:
+    """Return dense measured depths, m, shape (n,), and positions, m, shape (n, 3), to draw a path as arcs."""
+    if md.size < 2:
+        return md, positions
+    dense = np.unique(np.concatenate([md, np.linspace(md[0], md[-1], 400)]))
+    return dense, minimum_curvature.interpolate(md, inclination, azimuth, positions, dense)[2]
 
 
 def drawer(draw: Callable[..., None], *given: Any) -> Callable[[Axes], None]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.plots.drawing import BAD, BLUE, DEGREES, PURPLE, SKY, finish_axes
+from mwd_surface.plots.drawing import BAD, BLUE, DEGREES, PURPLE, SKY, finish_axes, new_figure
 from mwd_surface.uncertainty.forecast import Forecast
 
 if TYPE_CHECKING:
@@ -25,9 +25,7 @@ def forecast_figure(found: Forecast, chart: tuple[Array, Array, Array] | None) -
     chart: true azimuths, inclinations and sigmas of the corrected azimuth from `correction_map`, for the map; None
     if the tool code has no such correction, and then the figure has no map.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12.0, 5.2), layout="constrained")
+    figure = new_figure(12.0, 5.2)
     grid = figure.add_gridspec(1, 4)
     sigma = figure.add_subplot(grid[0, 0])
     passes = figure.add_subplot(grid[0, 1], sharey=sigma)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.plots.drawing import DEGREES, SERIES, finish_axes
+from mwd_surface.plots.drawing import DEGREES, SERIES, finish_axes, new_figure
 from mwd_surface.trajectory.list_comparison import PathDifference
 from mwd_surface.uncertainty.position_covariance import ellipse
 
@@ -28,9 +28,7 @@ def end_ellipses(ends: Sequence[tuple[Array, Array | None]], names: Sequence[str
     ellipse.
     names: names of the paths.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.0, 5.6), layout="constrained")
+    figure = new_figure(6.0, 5.6)
     ax = figure.subplots()
     for (position, covariance), name, colour, line in zip(ends, names, SERIES, ("--", "-"), strict=False):
         ax.plot(position[1], position[0], "o", color=colour, label=name)
@@ -53,9 +51,7 @@ def figure_of(found: PathDifference, first: str, second: str) -> Figure:
 
     first, second : names of the two lists.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.0, 8.0), layout="constrained")
+    figure = new_figure(10.0, 8.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
     figure.suptitle(f"{first} minus {second}", fontsize=11)
     upper.plot(found.md, found.turn[:, 0] * DEGREES, color=SERIES[0], label="inclination")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.plots.drawing import SERIES, finish_axes, time_unit
+from mwd_surface.plots.drawing import SERIES, finish_axes, new_figure, time_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,13 +49,11 @@ def thinned(attitude: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
 
 def picture(ours: ComparedRun, expected: ComparedRun) -> Figure:
     """Return a figure of inclination and azimuth of two runs with their surveys, and of the differences."""
-    from matplotlib.figure import Figure
-
     runs = [(run.name, thinned(run.attitude), run.surveys) for run in (ours, expected)]
     begin = min((int(rows["stamp_ns"][0]) for _, rows, _ in runs if len(rows["stamp_ns"])), default=0)
     last = max((int(rows["stamp_ns"][-1]) for _, rows, _ in runs if len(rows["stamp_ns"])), default=0)
     unit_s, unit = time_unit((last - begin) * 1e-9)
-    figure = Figure(figsize=(11.0, 9.0), layout="constrained")
+    figure = new_figure(11.0, 9.0)
     upper, middle, lower = figure.subplots(3, 1, sharex=True)
     for colour, (name, rows, surveys) in zip(SERIES, runs, strict=False):
         time = (rows["stamp_ns"] - begin) * 1e-9 / unit_s

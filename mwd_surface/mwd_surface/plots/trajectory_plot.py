@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mwd_surface.plots.drawing import DEGREES, SERIES, finish_axes
+from mwd_surface.plots.drawing import DEGREES, SERIES, finish_axes, new_figure
 from mwd_surface.trajectory.dense_trajectory import STATION, DenseTrajectory
 
 if TYPE_CHECKING:
@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
 def trajectory_plot(found: DenseTrajectory) -> Figure:
     """Return a figure of the inclination, stations marked, and of the position minus that by minimum curvature."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.0, 8.0), layout="constrained")
+    figure = new_figure(10.0, 8.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
     figure.suptitle("High-density trajectory (not the definitive survey)", fontsize=11)
     at_station = np.array([source == STATION for source in found.source])

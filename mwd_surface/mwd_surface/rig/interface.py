@@ -11,6 +11,7 @@ from __future__ import annotations
 import abc
 import asyncio
 import concurrent.futures
+import contextlib
 import dataclasses
 import importlib
 import importlib.metadata
@@ -31,10 +32,6 @@ LISTENING, CONNECTED, CONNECTING, DOWN, STOPPED = "listening", "connected", "con
 
 class InterfaceError(RuntimeError):
     """Raised if an interface cannot run; the message says why and what to do."""
-
-
-class MissingPackageError(InterfaceError):
-    """Raised if an optional package is not installed; the message says how to install it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,40 +80,12 @@ class InterfaceStatus:
 
 
 class RigInterface(abc.ABC):
-    """One interface that sends values to the rig, and may receive data from it."""
-
-    name: str
-
-    @abc.abstractmethod
-    def start(self) -> None:
-        """
-        Start the interface.
-
-        Raises
-        ------
-        InterfaceError
-            A package is missing, or the port or device cannot be opened.
-        """
-
-    @abc.abstractmethod
-    def publish(self, values: RigValues) -> None:
-        """Store the newest values for sending, in place of values that still wait; never blocks."""
-
-    @abc.abstractmethod
-    def status(self) -> InterfaceStatus:
-        """Return the state; may be called from any thread."""
-
-    @abc.abstractmethod
-    def stop(self) -> None:
-        """Stop within two seconds; does nothing if the interface is not running."""
-
-
-class LoopInterface(RigInterface):
     """
-    Interface whose work is one coroutine in its own thread.
+    One interface that sends values to the rig, and may receive data from it; its work is a coroutine in its own thread.
 
     Subclasses implement `serve(ready, stop)`, which calls `ready(address)` as soon as it serves, and returns when
-    `stop` is set. `wake` is set whenever `values` has new values, and when the interface must stop.
+    `stop` is set. `wake` is set whenever `values` has new values, and when the interface must stop. `failure` is the
+    reason why the interface ended by itself; otherwise empty.
     """
 
     start_timeout = 30.0
@@ -124,17 +93,25 @@ class LoopInterface(RigInterface):
     def __init__(self, name: str) -> None:
         self.name = name
         self.values: RigValues | None = None
-        self.address = ""
+        self.address = self.failure = ""
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
         self._wake: asyncio.Event | None = None
         self._started: concurrent.futures.Future[str] = concurrent.futures.Future()
-        self._failure = ""
 
     @abc.abstractmethod
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
         """Serve the interface until `stop` is set; call `ready` with the address as soon as it serves."""
+
+    @abc.abstractmethod
+    def status(self) -> InterfaceStatus:
+        """Return the state; may be called from any thread."""
+
+    @property
+    def port(self) -> int:
+        """Port on which a server listens; 0 while it is not running."""
+        return int(self.address.rpartition(":")[2].rstrip("/")) if self.address else 0
 
     @property
     def wake(self) -> asyncio.Event:
@@ -152,20 +129,19 @@ class LoopInterface(RigInterface):
         """Whether the interface has started and has not stopped or failed since."""
         return self._thread is not None and self._thread.is_alive() and bool(self.address)
 
-    @property
-    def failure(self) -> str:
-        """Reason why the interface ended by itself; empty otherwise."""
-        return self._failure
-
     def start(self) -> None:
         """
         Start the thread and wait until the interface serves or fails.
 
-        Raises InterfaceError if the interface runs already, fails, or does not serve within `start_timeout`.
+        Raises
+        ------
+        InterfaceError
+            The interface runs already, or does not serve within `start_timeout`; a package is missing, or the port or
+            device cannot be opened.
         """
         if self._thread is not None and self._thread.is_alive():
             raise InterfaceError(f"{self.name} is running already")
-        self._failure, self.address = "", ""
+        self.failure = self.address = ""
         self._started = concurrent.futures.Future()
         self._thread = threading.Thread(target=self._run, name=f"rig-{self.name}", daemon=True)
         self._thread.start()
@@ -180,34 +156,33 @@ class LoopInterface(RigInterface):
             raise
 
     def publish(self, values: RigValues) -> None:
-        """Store the newest values and wake the coroutine."""
+        """Store the newest values, in place of values that still wait, and wake the coroutine; never blocks."""
         self.values = values
         self.rouse()
 
     def rouse(self) -> None:
         """Wake the coroutine, from any thread; does nothing if it is not running."""
-        loop, wake = self._loop, self._wake
-        if loop is not None and wake is not None:
-            try:
-                loop.call_soon_threadsafe(wake.set)
-            except RuntimeError:
-                # The loop closed just before this call, so nothing waits for the event.
-                return
+        self._set(self._wake)
+
+    def _set(self, event: asyncio.Event | None) -> None:
+        loop = self._loop
+        if loop is not None and event is not None:
+            # If the loop closed just before this call, nothing waits for the event.
+            with contextlib.suppress(RuntimeError):
+                loop.call_soon_threadsafe(event.set)
+
+    async def woken(self, seconds: float | None) -> None:
+        """Wait until `wake` is set, at most for a time, s, and clear it."""
+        await wait_for(self.wake, seconds)
+        self.wake.clear()
 
     def stop(self) -> None:
-        """Ask the coroutine to end and wait for the thread."""
-        thread, loop, stop, wake = self._thread, self._loop, self._stop, self._wake
-        self._thread, self.address = None, ""
-        if thread is None:
-            return
-        if loop is not None and stop is not None and wake is not None:
-            try:
-                loop.call_soon_threadsafe(stop.set)
-                loop.call_soon_threadsafe(wake.set)
-            except RuntimeError:
-                # The loop ended by itself in the meantime.
-                self._loop = None
-        thread.join(timeout=2.0)
+        """Ask the coroutine to end and wait for the thread, at most two seconds; no effect if it is not running."""
+        thread, self._thread, self.address = self._thread, None, ""
+        if thread is not None:
+            self._set(self._stop)
+            self._set(self._wake)
+            thread.join(timeout=2.0)
 
     def _run(self) -> None:
         try:
@@ -216,7 +191,7 @@ class LoopInterface(RigInterface):
             words = str(error) if isinstance(error, (OSError, ValueError)) else f"{type(error).__name__}: {error}"
             failure = error if isinstance(error, InterfaceError) else InterfaceError(f"{self.name}: {words}")
             if self._started.done():
-                self._failure = str(failure)
+                self.failure = str(failure)
             else:
                 self._started.set_exception(failure)
         finally:
@@ -233,6 +208,13 @@ class LoopInterface(RigInterface):
             self._started.set_result(address)
 
 
+async def wait_for(event: asyncio.Event, seconds: float | None) -> None:
+    """Wait until an event is set, at most for a time, s; None: without end."""
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(seconds):
+            await event.wait()
+
+
 def optional(module: str, package: str, what: str, floor: tuple[int, int] = (0, 0)) -> ModuleType:
     """
     Return a module of an optional package, if the package has at least version `floor` (major, minor).
@@ -241,20 +223,20 @@ def optional(module: str, package: str, what: str, floor: tuple[int, int] = (0, 
 
     Raises
     ------
-    MissingPackageError
+    InterfaceError
         The package is not installed or too old; the message gives the command that installs it.
     """
     least = ".".join(map(str, floor))
     try:
         installed = importlib.metadata.version(package) if any(floor) else least
         if tuple(int(part) for part in installed.split(".")[:2]) < floor:
-            raise MissingPackageError(
+            raise InterfaceError(
                 f"{what} needs {package} {least} or later, and {installed} is installed:"
                 f" pip install '{package}>={least}'"
             )
         return importlib.import_module(module)
     except ImportError as error:
-        raise MissingPackageError(
+        raise InterfaceError(
             f"{what} needs the package {package}, which is not installed: pip install {package}"
         ) from error
 

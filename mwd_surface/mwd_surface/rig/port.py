@@ -24,7 +24,6 @@ from mwd_surface.rig.interface import (
     DOWN,
     InterfaceError,
     InterfaceStatus,
-    MissingPackageError,
     OnCommand,
     OnRigState,
     RigInterface,
@@ -222,9 +221,6 @@ class RigPort:
     def _try(self, interface: RigInterface) -> None:
         try:
             interface.start()
-        except MissingPackageError as error:
-            # A retry can succeed only after the package is installed.
-            self._down[interface.name] = str(error)
         except InterfaceError as error:
             self._down[interface.name] = str(error)
         else:

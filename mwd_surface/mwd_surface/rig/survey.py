@@ -87,14 +87,14 @@ class AcceptedSurvey:
         return self.source.gyro_share if self.source.known else None
 
 
-def accepted_surveys(surveys: SurveyList, last: int = LAST) -> tuple[AcceptedSurvey, ...]:
-    """Return the stations in use on the current leg and its parents, oldest first, at most the `last` newest."""
+def accepted_surveys(surveys: SurveyList) -> tuple[AcceptedSurvey, ...]:
+    """Return the stations in use on the current leg and its parents, oldest first, at most the `LAST` newest."""
     path = surveys.definitive()
     places = {sequence: k for k, sequence in enumerate(path.sequence) if sequence}
     used = sorted(
         (r for r in surveys.records if r.in_use and r.survey.sequence in places), key=lambda r: r.survey.stamp_ns
     )
-    return tuple(_accepted(r, path, places[r.survey.sequence]) for r in used[-last:])
+    return tuple(_accepted(r, path, places[r.survey.sequence]) for r in used[-LAST:])
 
 
 def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:

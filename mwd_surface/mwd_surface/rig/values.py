@@ -162,9 +162,9 @@ def silenced(values: RigValues, age: float, reason: str) -> RigValues:
     return dataclasses.replace(values, values=old, active=False, sonde_link=False)
 
 
-def nothing_yet(now_ns: int = 0) -> RigValues:
+def nothing_yet() -> RigValues:
     """Return the table of values before any data have arrived."""
-    return RigValues(now_ns, 0, {signal.name: RigValue() for signal in TO_RIG}, active=False)
+    return RigValues(0, 0, {signal.name: RigValue() for signal in TO_RIG}, active=False)
 
 
 def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:

@@ -42,7 +42,7 @@ def test_the_numbers_are_those_of_the_export_kernel(run, tmp_path):
     (tmp_path / "plan.csv").write_text("md_m,inc_rad,azi_rad\n0,0,0\n300,0,1.3\n900,1,1.3\n")
     out = tmp_path / "s.csv"
     assert mwd("export", run, "-o", out, "--plan", tmp_path / "plan.csv", "--bit-depth", 700).returncode == 0
-    table = survey_table(example.surveys(), example.MADE, plan=plan, bit_depth=700.0)
+    table = survey_table(example.surveys().along(plan), example.MADE, bit_depth=700.0)
     assert numbers(out.read_text(encoding="utf-8")) == numbers(definitive_csv(table))
 
 

@@ -146,7 +146,7 @@ def test_a_status_of_a_command_is_that_of_the_process(monkeypatch, capsys):
 
 
 def test_a_table_of_surveys_is_in_the_language(chinese, capsys):
-    show_surveys(terminal.output(), example_surveys.table().surveys.records)
+    show_surveys(example_surveys.table().surveys.records)
     told = capsys.readouterr().out
     assert "井斜角" in told
     assert CHINESE.entries["accept"] in told

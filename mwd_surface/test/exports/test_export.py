@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_surface.exports.export import FORMATS, ExportError, export
+from mwd_surface.exports.export import FORMATS, ExportError, export_file
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.page.survey_panel import path_table, quality_lights, survey_row
 from mwd_surface.surveys.station_quality import QualityLimits
@@ -35,7 +35,7 @@ def table():
 @pytest.fixture(scope="module")
 def files(table, tmp_path_factory):
     folder = tmp_path_factory.mktemp("exports")
-    return table, {kind: export(table, kind, folder) for kind in FORMATS}
+    return table, {kind: export_file(table, kind, folder) for kind in FORMATS}
 
 
 # Of each number: name in CSV, LAS, WITSML and on the page, title in the reports, factor of the page to people's units.
@@ -183,9 +183,9 @@ def test_names_are_made_of_well_word_and_time_or_of_what_is_asked(files, tmp_pat
         "Ω-1_ST0-report-20260515T174340Z.html",
         "Ω-1_ST0-report-20260515T174340Z.pdf",
     }
-    assert export(table, "csv", tmp_path, "x y.csv") == tmp_path / "x_y.csv"
+    assert export_file(table, "csv", tmp_path, "x y.csv") == tmp_path / "x_y.csv"
     long = survey_table(example.surveys(dataclasses.replace(example.WELL, wellbore="W" * 300)), example.MADE)
-    assert export(long, "csv", tmp_path).name.endswith("-definitive-20260515T174340Z.csv")
+    assert export_file(long, "csv", tmp_path).name.endswith("-definitive-20260515T174340Z.csv")
 
 
 @pytest.mark.fault_case(80)
@@ -196,7 +196,7 @@ def test_names_are_made_of_well_word_and_time_or_of_what_is_asked(files, tmp_pat
 def test_a_path_instead_of_a_name_is_refused_and_nothing_is_written(table, tmp_path_factory, before, mark, behind):
     folder = tmp_path_factory.mktemp("exports")
     with pytest.raises(ValueError, match="without folders"):
-        export(table, "csv", folder, before + mark + behind)
+        export_file(table, "csv", folder, before + mark + behind)
     assert not any(folder.iterdir())
 
 
@@ -206,18 +206,18 @@ def test_a_link_that_lies_in_the_folder_is_replaced_and_what_it_leads_to_kept(ta
     folder.mkdir()
     outside.write_text("kept")
     (folder / "x.csv").symlink_to(outside)
-    path = export(table, "csv", folder, "x")
+    path = export_file(table, "csv", folder, "x")
     assert outside.read_text() == "kept"
     assert not path.is_symlink()
 
 
 def test_an_unknown_format_is_answered_with_the_near_ones(table, tmp_path):
     with pytest.raises(ValueError, match="unknown format 'wits'; did you mean witsml"):
-        export(table, "wits", tmp_path)
+        export_file(table, "wits", tmp_path)
 
 
 def test_a_disk_that_refuses_leaves_the_old_file_and_no_piece_of_the_new(table, tmp_path, monkeypatch):
-    path = export(table, "csv", tmp_path, "a")
+    path = export_file(table, "csv", tmp_path, "a")
     before = path.read_bytes()
 
     def full(_handle):
@@ -225,12 +225,12 @@ def test_a_disk_that_refuses_leaves_the_old_file_and_no_piece_of_the_new(table, 
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(ExportError, match="could not be written: No space left"):
-        export(table, "csv", tmp_path, "a")
+        export_file(table, "csv", tmp_path, "a")
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
 
 
 def test_two_formats_with_one_ending_and_one_name_are_two_files(table, tmp_path):
-    assert export(table, "csv", tmp_path, "run7").name == "run7.csv"
-    assert export(table, "raw_csv", tmp_path, "run7").name == "run7-raw.csv"
-    assert export(table, "raw_csv", tmp_path, "all.csv").name == "all.csv"
+    assert export_file(table, "csv", tmp_path, "run7").name == "run7.csv"
+    assert export_file(table, "raw_csv", tmp_path, "run7").name == "run7-raw.csv"
+    assert export_file(table, "raw_csv", tmp_path, "all.csv").name == "all.csv"

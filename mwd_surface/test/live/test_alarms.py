@@ -5,14 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mwd_surface.live import alarms
 from mwd_surface.live.alarms import AlarmLog, Severity
 
 
 class Log(AlarmLog):
     """An alarm log whose clock the test sets: `log.at(stamp)`."""
 
-    def __init__(self, **limits):
-        super().__init__(lambda: self.stamp, **limits)
+    def __init__(self):
+        super().__init__(lambda: self.stamp)
         self.stamp = 0
 
     def at(self, stamp):
@@ -105,8 +106,10 @@ def test_the_log_is_newest_first_and_says_who_and_what():
 
 
 @pytest.mark.fault_case(70)
-def test_alarms_and_events_are_bounded_and_what_is_refused_is_logged():
-    log = Log(max_alarms=3, max_events=10)
+def test_alarms_and_events_are_bounded_and_what_is_refused_is_logged(monkeypatch):
+    monkeypatch.setattr(alarms, "_MAX_ALARMS", 3)
+    monkeypatch.setattr(alarms, "_MAX_EVENTS", 10)
+    log = Log()
     for k in range(3):
         raised(log, f"a.{k}", stamp=k)
     raised(log, "a.new", stamp=5)

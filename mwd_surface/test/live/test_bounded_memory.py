@@ -12,7 +12,7 @@ import pytest
 from mwd_sensors.core import gauge_burst, wire
 from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.live_state import LiveState
-from mwd_surface.live.live_well import LiveWell, first_list, live_settings
+from mwd_surface.live.live_well import LiveWell, live_settings
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.settings import LinkSettings, LiveSettings
 from mwd_surface.live.survey_book import SurveyBook
@@ -20,6 +20,7 @@ from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_context import WellContext, WellOutlet
 from mwd_surface.runs.player import RecordedWell
 from mwd_surface.surveys.depth import DepthRules
+from mwd_surface.surveys.survey_list import SurveyList
 
 S = 10**9
 BEGIN = 1_795_800_000 * S
@@ -68,7 +69,7 @@ def well_of(settings):
     clock = WellClock(BEGIN)
     context = WellContext(clock, LiveState(live_settings(settings)), AlarmLog(lambda: clock.now_ns), WellOutlet())
     plan = PlanMonitor(context)
-    book = SurveyBook(context, plan, first_list(settings), settings.depth)
+    book = SurveyBook(context, plan, SurveyList(well=settings.well, rules=settings.rules), settings.depth)
     # The messages that are not samples come as the objects that they are decoded to.
     waiting = {}
     well = LiveWell(context, settings, lambda _topic, data: waiting.pop(data), book=book, plan=plan)

@@ -8,6 +8,7 @@ import pytest
 from mwd_sensors.core import wire
 from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.live_state import LiveState
+from mwd_surface.live.source_selection import SourceRules, SourceSelection
 from mwd_surface.live.stream_decoder import StreamDecoder
 
 
@@ -22,6 +23,7 @@ def decoder():
     context = SimpleNamespace(live=LiveState(), alarm_log=log, outlet=SimpleNamespace(warn=warned.append))
     made = StreamDecoder(
         context,
+        SourceSelection(SourceRules()),
         on_attitude=lambda _samples: None,
         on_rig_state=take,
         on_sonde=lambda _samples: None,

@@ -13,8 +13,7 @@ from example_rig import eventually, started, values
 from mwd_surface.rig.interface import (
     InterfaceError,
     InterfaceStatus,
-    LoopInterface,
-    MissingPackageError,
+    RigInterface,
     checked_host,
     optional,
     port_error,
@@ -22,7 +21,7 @@ from mwd_surface.rig.interface import (
 )
 
 
-class Echo(LoopInterface):
+class Echo(RigInterface):
     """Counts how often it is woken with values."""
 
     def __init__(self, failure=None):
@@ -177,5 +176,5 @@ def test_a_free_port_is_probed_without_being_kept():
 
 def test_a_missing_package_is_named_with_the_command_that_installs_it():
     assert optional("json", "json", "This").loads("1") == 1
-    with pytest.raises(MissingPackageError, match=r"This needs the package nowhere, .*pip install nowhere"):
+    with pytest.raises(InterfaceError, match=r"This needs the package nowhere, .*pip install nowhere"):
         optional("no_such_module", "nowhere", "This")

@@ -10,6 +10,7 @@ from example_surveys import START, WELL, S, survey, surveys
 from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
 from mwd_estimation.survey.survey import AzimuthEstimate, Verdict
+from mwd_surface.rig import survey as rig_survey
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.surveys.survey_list import SurveyList
 
@@ -25,8 +26,9 @@ def test_the_accepted_are_those_in_use_oldest_first_with_the_numbers_of_the_path
         assert (s.position_north, s.position_east, s.vertical_depth) == tuple(path.positions[k])
 
 
-def test_no_more_than_asked_are_kept_and_they_are_the_last():
-    assert [s.sequence for s in accepted_surveys(surveys(), last=3)] == [10, 11, 12]
+def test_no_more_than_the_interfaces_have_are_kept_and_they_are_the_last(monkeypatch):
+    monkeypatch.setattr(rig_survey, "LAST", 3)
+    assert [s.sequence for s in accepted_surveys(surveys())] == [10, 11, 12]
     assert accepted_surveys(SurveyList()) == ()
 
 

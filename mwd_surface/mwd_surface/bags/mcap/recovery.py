@@ -301,13 +301,6 @@ def metadata_of_files(
                 type_name,
                 source.counts.get(number, 0) + (known.count if known else 0),
                 channel.metadata.get("topic_type_hash", ""),
-                _qos(channel),
+                bag_metadata.qos_if_readable(channel.metadata.get("offered_qos_profiles", "")),
             )
     return BagMetadata(files=files, topics=list(topics.values()))
-
-
-def _qos(channel: Channel) -> list[dict[str, object]]:
-    try:
-        return bag_metadata.parse_qos(channel.metadata.get("offered_qos_profiles", ""))
-    except ValueError:
-        return []

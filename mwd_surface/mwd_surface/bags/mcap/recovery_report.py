@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,16 +31,12 @@ class RecoveryReport:
         New path of the original if the recovered file took its name.
     sound : bool
         The source was valid, so that nothing was done.
-    messages, chunks : int
-        Numbers of messages and chunks that were saved, or that a check found.
-    topics : mapping of str to int
-        Number of messages of each topic.
+    messages : int
+        Number of messages that were saved, or that a check found.
     damages : int
         Number of places with bytes that could not be read.
     lost_bytes : int
         Number of bytes in those places.
-    orphans : int
-        Number of messages left out because the declaration of their topic is lost.
     start_ns, end_ns : int
         Log times of the first and the last message; 0 if there is no message.
     notes : tuple of str
@@ -52,11 +48,8 @@ class RecoveryReport:
     kept: Path | None = None
     sound: bool = False
     messages: int = 0
-    chunks: int = 0
-    topics: Mapping[str, int] = dataclasses.field(default_factory=dict)
     damages: int = 0
     lost_bytes: int = 0
-    orphans: int = 0
     start_ns: int = 0
     end_ns: int = 0
     notes: tuple[str, ...] = ()
@@ -113,20 +106,17 @@ def check(path: Path) -> RecoveryReport:
 @dataclasses.dataclass
 class Tally:
     """
-    Counts of messages, chunks and damages over the pieces of a scan.
+    Counts of messages and damages over the pieces of a scan.
 
-    counts : number of messages by channel.
+    counts : number of messages by channel; messages without a channel are left out.
     lost_bytes : bytes that cannot be used.
-    orphans : number of messages without a channel.
     times : first and last log time, ns; empty without messages.
     """
 
     contents: Contents
     counts: dict[int, int] = dataclasses.field(default_factory=dict)
-    chunks: int = 0
     damages: int = 0
     lost_bytes: int = 0
-    orphans: int = 0
     notes: list[str] = dataclasses.field(default_factory=list)
     times: list[int] = dataclasses.field(default_factory=list)
 
@@ -143,13 +133,10 @@ class Tally:
                     f"bytes {piece.offset} to {piece.offset + piece.length}: {piece.walk.impossible} messages have a"
                     " time after the year 2262"
                 )
-            self.chunks += isinstance(piece, Chunk)
             numbers, counts = np.unique(piece.walk.channel, return_counts=True)
             for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
                 if number in self.contents.channels:
                     self.counts[number] = self.counts.get(number, 0) + count
-                else:
-                    self.orphans += count
             if len(piece.walk.log_ns):
                 self.times = [
                     min([*self.times[:1], int(piece.walk.log_ns.min())]),
@@ -158,18 +145,11 @@ class Tally:
 
     def report(self, source: Path) -> RecoveryReport:
         """Return the counts as a report on the file `source`."""
-        topics: dict[str, int] = {}
-        for number, count in self.counts.items():
-            name = self.contents.channels[number].topic
-            topics[name] = topics.get(name, 0) + count
         return RecoveryReport(
             source,
             messages=sum(self.counts.values()),
-            chunks=self.chunks,
-            topics=topics,
             damages=self.damages,
             lost_bytes=self.lost_bytes,
-            orphans=self.orphans,
             start_ns=self.times[0] if self.times else 0,
             end_ns=self.times[1] if self.times else 0,
             notes=tuple(self.notes),

@@ -160,32 +160,18 @@ class McapWriter:
         self, channel: int, rows: NDArray[np.uint8], log_ns: NDArray[np.int64], publish_ns: NDArray[np.int64]
     ) -> None:
         """Add many messages of one size, shape (n, size), to chunks; stamps have shape (n,)."""
-        size = rows.shape[1]
-        dtype = np.dtype([*MESSAGE_FIELDS, ("data", "u1", (size,))])
-        done = 0
-        while done < len(rows):
-            self._declare()
-            count = max(1, -(-(self.chunk_bytes - self._pending) // dtype.itemsize))
-            part = slice(done, min(done + count, len(rows)))
-            records = np.empty(part.stop - part.start, dtype=dtype)
-            records["opcode"] = Opcode.MESSAGE
-            records["length"] = MESSAGE_HEAD + size
-            records["channel"] = channel
-            first = self.counts[channel] + 1
-            records["sequence"] = np.arange(first, first + len(records), dtype=np.int64) & _U32
-            records["log_ns"] = log_ns[part]
-            records["publish_ns"] = publish_ns[part]
-            records["data"] = rows[part]
-            entries = np.empty(len(records), dtype=INDEX_ENTRY)
-            entries["log_ns"] = log_ns[part]
-            entries["offset"] = self._pending + np.arange(len(records)) * dtype.itemsize
-            self._index.setdefault(channel, []).append(entries)
-            self._parts.append(records.tobytes())
-            self._pending += records.nbytes
-            self._count(channel, len(records), int(log_ns[part].min()), int(log_ns[part].max()))
-            done = part.stop
-            if self._pending >= self.chunk_bytes:
-                self.close_chunk()
+        count, size = rows.shape
+        records = np.empty(count, dtype=[*MESSAGE_FIELDS, ("data", "u1", (size,))])
+        records["opcode"] = Opcode.MESSAGE
+        records["length"] = MESSAGE_HEAD + size
+        records["channel"] = channel
+        first = self.counts[channel] + 1
+        records["sequence"] = np.arange(first, first + count, dtype=np.int64) & _U32
+        records["log_ns"] = log_ns
+        records["publish_ns"] = publish_ns
+        records["data"] = rows
+        offset = np.arange(count) * records.itemsize
+        self.write_records(records.view(np.uint8), offset, np.full(count, channel, dtype=np.uint16), log_ns)
 
     def write_records(
         self,

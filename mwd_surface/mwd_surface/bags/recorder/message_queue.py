@@ -20,7 +20,6 @@ class QueuedMessage(NamedTuple):
 
     log_ns, publish_ns : ns since the epoch.
     qos : offered profiles as YAML.
-    type_hash : RIHS01 hash of the type.
     """
 
     topic: str
@@ -29,7 +28,6 @@ class QueuedMessage(NamedTuple):
     log_ns: int
     publish_ns: int
     qos: str = ""
-    type_hash: str = ""
 
     @property
     def size(self) -> int:

@@ -23,7 +23,6 @@ from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions, installed
 from mwd_surface.bags.mcap import recovery
-from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 from mwd_surface.bags.recorder.folder import locked, recording_path
 from mwd_surface.bags.recorder.message_queue import MessageQueue, QueuedMessage, WriterCommand
 from mwd_surface.bags.recorder.session import Session, SessionHooks, free_bytes, words_of
@@ -47,17 +46,8 @@ class Recorder:
         Returns named tables of strings (versions, parameters) that are put into every file as metadata.
     event_topic : str
         Full name of the topic under which events are recorded, as rcl_interfaces/Log.
-    on_event : callable, optional
-        Called with each RecorderEvent from the writer thread; must return quickly and not wait for the recorder.
     space : callable
         Returns the free bytes on the disk of a folder; replaced in tests.
-    recover : bool
-        Recover unfinished recordings in the folder, in the background.
-
-    Attributes
-    ----------
-    events : deque of RecorderEvent
-        The last 200 events, for readers that start late; `take_events` returns each event once.
 
     Raises
     ------
@@ -73,18 +63,14 @@ class Recorder:
         *,
         tables: Callable[[], Mapping[str, Mapping[str, str]]] = dict,
         event_topic: str = "/recorder/events",
-        on_event: Callable[[RecorderEvent], None] | None = None,
         space: Callable[[Path], int] = free_bytes,
-        recover: bool = True,
     ) -> None:
         self.folder = Path(folder)
         self.settings = settings or RecorderSettings()
-        self.events: deque[RecorderEvent] = deque(maxlen=200)
         self._untaken: deque[RecorderEvent] = deque(maxlen=1000)
         self._definitions = definitions or installed()
         self._tables = tables
         self._event_topic = event_topic
-        self._on_event = on_event
         self._space = space
         self._queue = MessageQueue(self.settings.queue_bytes)
         self._session: Session | None = None
@@ -97,7 +83,7 @@ class Recorder:
         self._deadline: float | None = None
         self._folder_lock = locked(self.folder)
         # List the bags before this recorder can begin one of its own.
-        earlier = sorted(item for item in self.folder.iterdir() if item.is_dir()) if recover else []
+        earlier = sorted(item for item in self.folder.iterdir() if item.is_dir())
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
         self._recovery = RecoveryThread(earlier, lambda: not self._closing, self._report_later)
@@ -112,7 +98,6 @@ class Recorder:
         log_ns: int,
         publish_ns: int | None = None,
         qos: str = "",
-        type_hash: str = "",
     ) -> bool:
         """
         Accept one serialised message; never waits.
@@ -125,18 +110,17 @@ class Recorder:
             Message as received from the middleware; must not be changed afterwards.
         log_ns, publish_ns : int
             Times at which the message was received and published, ns since the epoch.
-        qos, type_hash : str
-            Offered profiles as YAML and RIHS01 hash; used when the topic is first seen.
+        qos : str
+            Offered profiles as YAML; used when the topic is first seen.
 
         Returns False if the message was not accepted: nothing is being recorded and no snapshot is kept, or the queue
         is full. A message that does not fit into the queue is counted.
         """
         if not self._taking:
             return False
-        item = QueuedMessage(
-            topic, type_name, data, log_ns, log_ns if publish_ns is None else publish_ns, qos, type_hash
+        return self._queue.put(
+            QueuedMessage(topic, type_name, data, log_ns, log_ns if publish_ns is None else publish_ns, qos)
         )
-        return self._queue.put(item)
 
     def start(self, name: str = "", custom: Mapping[str, str] | None = None, timeout_s: float = 3.0) -> Path:
         """
@@ -198,8 +182,7 @@ class Recorder:
 
     def status(self) -> RecorderStatus:
         """Return the status; never waits."""
-        session, now = self._session, time.monotonic()
-        waiting = session.unsaved_since if session else None
+        session = self._session
         return RecorderStatus(
             state=session.state if session else RecorderState.STOPPED,
             reason=session.reason if session else "",
@@ -207,14 +190,11 @@ class Recorder:
             messages=session.writer.messages if session else 0,
             bytes=session.writer.bytes_written if session else 0,
             dropped=session.lost if session else 0,
-            queued_messages=len(self._queue),
             queued_bytes=self._queue.waiting_bytes,
             queue_limit=self._queue.limit,
             free_bytes=session.free if session else self._free,
-            duration=now - session.began if session else 0.0,
+            duration=time.monotonic() - session.began if session else 0.0,
             files=len(session.writer.files) + int(session.writing) if session else 0,
-            unsaved_s=now - waiting if waiting is not None else 0.0,
-            recovered=tuple(self._recovery.reports),
         )
 
     def take_events(self) -> list[RecorderEvent]:
@@ -394,18 +374,9 @@ class Recorder:
 
     def _report(self, level: EventLevel, text: str) -> None:
         event = RecorderEvent(time.time_ns(), level, text)
-        self._note(event)
+        self._untaken.append(event)
         if self._session is not None:
             self._session.record(event)
-        if self._on_event is not None:
-            try:
-                self._on_event(event)
-            except Exception as error:  # noqa: BLE001  (an error in a callback must not end the recording)
-                self._note(RecorderEvent(time.time_ns(), EventLevel.ERROR, f"a callback for events failed: {error!r}"))
-
-    def _note(self, event: RecorderEvent) -> None:
-        self.events.append(event)
-        self._untaken.append(event)
 
     def _report_later(self, level: EventLevel, text: str) -> None:
         # Pass the event to the writer thread, because only this thread may write events.
@@ -436,12 +407,9 @@ class SnapshotRing:
 
     def write(self, writer: BagWriter) -> None:
         """Write the kept messages into a bag, oldest first."""
-        for _, (topic, type_name, data, log_ns, publish_ns, qos, type_hash) in self._items:
-            try:
-                profiles = bag_metadata.parse_qos(qos)
-            except ValueError:
-                profiles = []
-            channel = writer.topic(topic, type_name, profiles, type_hash, need_definition=False)
+        for _, (topic, type_name, data, log_ns, publish_ns, qos) in self._items:
+            profiles = bag_metadata.qos_if_readable(qos)
+            channel = writer.topic(topic, type_name, profiles, need_definition=False)
             writer.write(channel, data, max(log_ns, 0), publish_ns)
 
 
@@ -460,17 +428,11 @@ class RecoveryThread:
         Returns False when recovery must stop.
     report : callable
         Called in this thread with the level and text of an event.
-
-    Attributes
-    ----------
-    reports : list of RecoveryReport
-        Reports on the files recovered so far.
     """
 
     def __init__(
         self, bags: Sequence[Path], going_on: Callable[[], bool], report: Callable[[EventLevel, str], None]
     ) -> None:
-        self.reports: list[RecoveryReport] = []
         self._bags, self._going_on, self._report = bags, going_on, report
         self._thread = threading.Thread(target=self._run, name="recovery", daemon=True)
         if bags:
@@ -493,6 +455,5 @@ class RecoveryThread:
                 self._report(EventLevel.ERROR, f"{bag} could not be recovered: {error}")
                 continue
             for report in reports:
-                self.reports.append(report)
                 if not report.sound:
                     self._report(EventLevel.WARNING, f"recovered in {bag.name}: {report.sentence()}")

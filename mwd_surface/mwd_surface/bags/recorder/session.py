@@ -167,12 +167,12 @@ class Session:
         return self._hooks.refused() + self.dropped
 
     def _write(self, item: QueuedMessage) -> None:
-        topic, type_name, data, log_ns, publish_ns, qos, type_hash = item
+        topic, type_name, data, log_ns, publish_ns, qos = item
         if log_ns < 0:
             raise ValueError(f"its stamp {log_ns} lies before 1970")
         channel = self._channels.get((topic, type_name))
         if channel is None:
-            channel = self._declare(topic, type_name, qos, type_hash)
+            channel = self._declare(topic, type_name, qos)
         jump = self._settings.time_jump_seconds * 1e9
         if jump and self._last_ns and abs(log_ns - self._last_ns) > jump:
             text = f"the clock jumped by {(log_ns - self._last_ns) * 1e-9:+.0f} s; a new file was begun"
@@ -196,13 +196,13 @@ class Session:
         elif self._chunk_began is None:
             self._chunk_began = now
 
-    def _declare(self, topic: str, type_name: str, qos: str, type_hash: str) -> int:
+    def _declare(self, topic: str, type_name: str, qos: str) -> int:
         try:
             profiles = bag_metadata.parse_qos(qos)
         except ValueError as error:
             profiles = []
             self._hooks.report(EventLevel.WARNING, f"{topic}: recorded without its quality of service: {error}")
-        channel = self.writer.topic(topic, type_name, profiles, type_hash, need_definition=False)
+        channel = self.writer.topic(topic, type_name, profiles, need_definition=False)
         self._channels[topic, type_name] = channel
         if not self.writer.has_definition(channel):
             self._hooks.report(
@@ -274,7 +274,7 @@ class Session:
     def disk_failed(self, error: OSError) -> None:
         """Pause the recording, and complete the file as far as the disk allows."""
         full = error.errno in _FULL
-        reason = self._words(error)
+        reason = words_of(error, self._folder)
         state = RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED
         self._pause_writing(state, reason, gone=isinstance(error, FileNotFoundError))
 
@@ -283,7 +283,7 @@ class Session:
         try:
             self.writer.begin_file()
         except OSError as error:
-            self.reason = self._words(error)
+            self.reason = words_of(error, self._folder)
             return
         self.writing, self._file_began = True, time.monotonic()
         self.state, self.reason = RecorderState.RECORDING, ""
@@ -358,9 +358,6 @@ class Session:
             self._chunk_began = time.monotonic()
         if self.unsaved_since is None:
             self.unsaved_since = time.monotonic()
-
-    def _words(self, error: OSError) -> str:
-        return words_of(error, self._folder)
 
 
 def words_of(error: OSError, folder: Path) -> str:

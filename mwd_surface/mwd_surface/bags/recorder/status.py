@@ -9,7 +9,6 @@ import math
 from typing import ClassVar
 
 from mwd_sensors.core.message_record import MessageRecord
-from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 
 
 class RecorderError(Exception):
@@ -65,20 +64,14 @@ class RecorderStatus(MessageRecord):
         Free bytes on the disk; NaN if unknown.
     duration : float
         Time since the recording began, s.
-    queued_messages, queued_bytes, queue_limit : int
-        Numbers of messages and of bytes waiting to be written, and the limit in bytes.
+    queued_bytes, queue_limit : int
+        Number of bytes waiting to be written, and its limit.
     files : int
         Number of files of this recording.
-    unsaved_s : float
-        Age of the oldest data not yet forced to the disk, which a power failure would lose.
-    recovered : tuple of RecoveryReport
-        Files of earlier recordings recovered at this start.
     """
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/RecorderStatus"
-    NOT_SENT: ClassVar[frozenset[str]] = frozenset(
-        {"queued_messages", "queued_bytes", "queue_limit", "files", "unsaved_s", "recovered"}
-    )
+    NOT_SENT: ClassVar[frozenset[str]] = frozenset({"queued_bytes", "queue_limit", "files"})
 
     state: RecorderState
     reason: str = ""
@@ -88,9 +81,6 @@ class RecorderStatus(MessageRecord):
     dropped: int = 0
     free_bytes: float = math.nan
     duration: float = 0.0
-    queued_messages: int = 0
     queued_bytes: int = 0
     queue_limit: int = 0
     files: int = 0
-    unsaved_s: float = 0.0
-    recovered: tuple[RecoveryReport, ...] = ()

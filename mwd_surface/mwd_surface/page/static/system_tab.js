@@ -27,7 +27,7 @@ const diagnosticsBox = el("div", {});
 byId("tab-system").append(el("div", { class: "split" },
   el("div", {},
     el("h2", {}, t("Streams")),
-    el("table", { class: "log" }, el("thead", {}, el("tr", {}, [t("Stream"), t("State"), t("Age"), t("Rate"), t("Lost")].map((t) => el("th", { scope: "col" }, t)))), streamBody),
+    el("table", { class: "log" }, el("thead", {}, el("tr", {}, [t("Stream"), t("State"), t("Age"), t("Rate")].map((t) => el("th", { scope: "col" }, t)))), streamBody),
     browserBox,
     el("h2", {}, t("Inputs")),
     el("table", { class: "log", id: "inputs" }, el("thead", {}, el("tr", {}, [t("Input"), t("Clock"), t("Offset"), t("Age"), t("Bit depth")].map((t) => el("th", { scope: "col" }, t)))), inputBody)),
@@ -39,7 +39,7 @@ export function showStreams(connection, now, silent) {
   if (!streams || byId("tab-system").hidden) return;
   for (const [name, row] of Object.entries(streams)) {
     if (!streamRows[name]) {
-      const cells = [1, 2, 3, 4].map(() => el("td", {}));
+      const cells = [1, 2, 3].map(() => el("td", {}));
       streamRows[name] = { cells, word: "" };
       streamBody.append(el("tr", {}, el("th", { scope: "row" }, STREAM_NAMES[name] || name), cells));
     }
@@ -53,7 +53,6 @@ export function showStreams(connection, now, silent) {
     }
     setText(cells[1], row.at === null ? "–" : units.age(Math.max(0, now - row.at)));
     setText(cells[2], row.rate === null ? "–" : `${units.decimal(row.rate.toFixed(row.rate < 10 ? 1 : 0))}/s`);
-    setText(cells[3], row.at === null ? "–" : String(row.lost));
   }
   if (recorder !== undefined) {
     const text = recorder === null ? t("no data") : [

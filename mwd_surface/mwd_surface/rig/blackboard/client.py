@@ -10,7 +10,6 @@ variables of this client, as after a restart, the manifest is sent again.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import dataclasses
 import json
 import math
@@ -32,10 +31,11 @@ from mwd_surface.rig.interface import (
     STOPPED,
     InterfaceError,
     InterfaceStatus,
-    LoopInterface,
     OnRigState,
     PeerStatus,
+    RigInterface,
     optional,
+    wait_for,
 )
 from mwd_surface.rig.opcua.address_space import STATUS_CODES, VariableValue
 from mwd_surface.rig.opcua.data_value import data_value
@@ -93,7 +93,7 @@ class BlackboardSettings:
     rig: RigInputSettings = setting(RigInputSettings, "Depths of the rig that others publish on the blackboard.")
 
 
-class Blackboard(LoopInterface):
+class Blackboard(RigInterface):
     """
     Client of a D-WIS blackboard for one well.
 
@@ -101,21 +101,16 @@ class Blackboard(LoopInterface):
     ----------
     on_rig_state : callable, optional
         Receives rig data, `wire.RIG_STATE`, in the thread of the interface.
-    clock, wall : callable
-        Steady time, s, and time, ns since the epoch.
     """
 
     def __init__(
         self,
         settings: BlackboardSettings,
         on_rig_state: OnRigState | None = None,
-        clock: Callable[[], float] = time.monotonic,
-        wall: Callable[[], int] = time.time_ns,
     ) -> None:
         super().__init__("blackboard")
         self.settings = settings
         self._on_rig_state = on_rig_state if settings.rig.accept else None
-        self._clock, self._wall = clock, wall
         self._input = RigInput(settings.rig)
         self._asyncua: Any = None
         self._connected = self._bare = False
@@ -155,31 +150,25 @@ class Blackboard(LoopInterface):
             finally:
                 self._connected = False
             if not stop.is_set():
-                wait = self.settings.backoff.wait(failures)
-                with contextlib.suppress(TimeoutError):
-                    async with asyncio.timeout(wait):
-                        await stop.wait()
+                await wait_for(stop, self.settings.backoff.wait(failures))
 
     async def _publish(self, client: Any, stop: asyncio.Event) -> None:
         variables = await self._inject(client)
         reader = _Depths(client, self.settings.resolve, {node.nodeid.to_string() for node in variables.values()})
-        self._connected, self._since, self._reason = True, self._clock(), ""
+        self._connected, self._since, self._reason = True, time.monotonic(), ""
         # Send status codes again after each connection: the blackboard may have been replaced by one that accepts them.
         self._bare = False
         sent: dict[str, VariableValue] = {}
-        write_at = read_at = self._clock()
+        write_at = read_at = time.monotonic()
         while not stop.is_set():
-            self.wake.clear()
-            now = self._clock()
+            now = time.monotonic()
             if self.values is not None and now >= write_at:
                 write_at = now + self.settings.period
                 await self._write(client, variables, self.values, sent)
             if self._on_rig_state is not None and now >= read_at:
                 read_at = now + _READ_S
                 await self._take(reader, now)
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(max(min(write_at, read_at) - self._clock(), 0.05)):
-                    await stop.wait()
+            await wait_for(stop, max(min(write_at, read_at) - time.monotonic(), 0.05))
 
     async def _inject(self, client: Any) -> dict[str, Any]:
         """
@@ -235,7 +224,7 @@ class Blackboard(LoopInterface):
         found = await reader.read(now)
         if not found or self._on_rig_state is None:
             return
-        sample = self._input.take(found, self._wall())
+        sample = self._input.take(found, time.time_ns())
         if sample is not None:
             self._read += 1
             self._on_rig_state(sample)

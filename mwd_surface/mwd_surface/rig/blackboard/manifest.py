@@ -10,7 +10,6 @@ of ManifestFile in DWIS-Blackboard-Base (D-WIS on GitHub); nouns and verbs come 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 from mwd_surface.rig.opcua.address_space import MANIFEST
@@ -29,19 +28,14 @@ _DEPTH = "DepthDrillingQuantity"
 _REFERRED = {"NorthEastTVDFrame": "HasReferenceFrame", "BitReferenceLocation": "IsPhysicallyLocatedAt"}
 
 
-def manifest(signals: Iterable[Signal] = TO_RIG, provider: str = MANIFEST) -> dict[str, Any]:
+def manifest() -> dict[str, Any]:
     """
-    Return the manifest of signals as a dict that can be written as JSON.
+    Return the manifest of the signals as a dict that can be written as JSON.
 
-    Parameters
-    ----------
-    signals : iterable of Signal
-        Signals; each becomes a variable with its OPC UA name and a data point that describes it.
-    provider : str
-        Name of the application, from which the blackboard derives the namespace of the variables.
+    Each signal becomes a variable with its OPC UA name and a data point that describes it. The blackboard derives the
+    namespace of the variables from the name of the application, `MANIFEST`.
     """
-    table = tuple(signals)
-    names = {signal.name for signal in table}
+    names = {signal.name for signal in TO_RIG}
     nodes: dict[str, str] = {_PROVIDER: "DataProvider"}
     sentences: list[dict[str, Any]] = []
 
@@ -51,7 +45,7 @@ def manifest(signals: Iterable[Signal] = TO_RIG, provider: str = MANIFEST) -> di
             nodes.setdefault(target, kind)
         sentences.append(_sentence(subject, verb, NODES, target))
 
-    for signal in table:
+    for signal in TO_RIG:
         point = f"{signal.opcua}_DataPoint"
         nodes[point] = "DrillingDataPoint"
         sentences.append(_sentence(point, "HasDynamicValue", VARIABLES, signal.opcua))
@@ -65,14 +59,14 @@ def manifest(signals: Iterable[Signal] = TO_RIG, provider: str = MANIFEST) -> di
                 sentences.append(_sentence(point, "BelongsToClass", PREFIX, PREFIX + noun))
         measured = signal.name.replace(_SIGMA, "", 1)
         if _UNCERTAINTY in signal.dwis and measured in names:
-            of = next(s for s in table if s.name == measured)
+            of = next(s for s in TO_RIG if s.name == measured)
             uncertainty = f"{of.opcua}_Uncertainty"
             say(f"{of.opcua}_DataPoint", "HasUncertainty", uncertainty, _UNCERTAINTY)
             say(uncertainty, "HasUncertaintyMean", f"{of.opcua}_DataPoint")
             say(uncertainty, "HasUncertaintyStandardDeviation", point)
     return {
-        "ManifestName": provider,
-        "Provider": {"Name": provider, "Company": ""},
+        "ManifestName": MANIFEST,
+        "Provider": {"Name": MANIFEST, "Company": ""},
         "InjectionInformation": {
             "InjectedVariablesNamespaceAlias": "Variables",
             "InjectedNodesNamespaceAlias": NODES,
@@ -81,7 +75,7 @@ def manifest(signals: Iterable[Signal] = TO_RIG, provider: str = MANIFEST) -> di
         },
         "InjectedNodes": [_node(name, kind) for name, kind in nodes.items()],
         "InjectedVariables": [],
-        "ProvidedVariables": [{"VariableID": signal.opcua, "DataType": "double", "Rank": 0} for signal in table],
+        "ProvidedVariables": [{"VariableID": signal.opcua, "DataType": "double", "Rank": 0} for signal in TO_RIG],
         "InjectedReferences": sentences,
     }
 

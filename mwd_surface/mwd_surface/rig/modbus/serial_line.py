@@ -13,7 +13,7 @@ from mwd_surface.rig.interface import (
     OnRigState,
     optional,
 )
-from mwd_surface.rig.modbus.server import ModbusServer, serve_only
+from mwd_surface.rig.modbus.server import ModbusServer
 from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
 
 
@@ -35,9 +35,8 @@ class ModbusSerial(ModbusServer):
         settings: ModbusSettings,
         on_rig_state: OnRigState | None = None,
         authority: ControlAuthority | None = None,
-        **clocks: Callable[[], Any],
     ) -> None:
-        super().__init__(settings, on_rig_state, authority, **clocks)
+        super().__init__(settings, on_rig_state, authority)
         self.line = line
         self._seen = False
 
@@ -69,22 +68,13 @@ class ModbusSerial(ModbusServer):
             stopbits=line.stop_bits,
             identity=self._named(),
         )
-        serve_only(server)
-        make = server.callback_new_connection
-        server.callback_new_connection = lambda: self._watched(self._for_us(make()))
-        try:
-            await server.serve_forever(background=True)
-        except RuntimeError as error:
-            raise InterfaceError(f"{line.device}: {error}") from error
-        try:
-            ready(line.device)
-            await self._follow(stop)
-        finally:
-            await server.shutdown()
-            for connection in list(self._connections.values()):
-                connection.transport.abort()
+        await self._serve(server, line.device, ready, stop)
 
-    def _for_us(self, handler: Any) -> Any:
+    def _bound(self, _server: Any) -> str:
+        return self.line.device
+
+    def _watched(self, handler: Any) -> Any:
+        """Return the handler of the line with its methods replaced; it answers only requests to the unit."""
         send = handler.server_send
 
         def server_send(answer: Any, address: Any) -> None:
@@ -92,7 +82,7 @@ class ModbusSerial(ModbusServer):
                 send(answer, address)
 
         handler.server_send = server_send
-        return handler
+        return super()._watched(handler)
 
     def _look_after(self) -> None:
         """Raise InterfaceError if the device is gone, so that the interface restarts; a silent line is not an error."""

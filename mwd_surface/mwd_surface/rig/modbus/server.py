@@ -9,7 +9,6 @@ Any other request is refused with the exception code of the protocol.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import contextvars
 import dataclasses
 import itertools
@@ -29,9 +28,9 @@ from mwd_surface.rig.interface import (
     STOPPED,
     InterfaceError,
     InterfaceStatus,
-    LoopInterface,
     OnRigState,
     PeerStatus,
+    RigInterface,
     checked_host,
     optional,
     probe_port,
@@ -72,7 +71,7 @@ class _Connection:
     requests: int = 0
 
 
-class ModbusServer(LoopInterface):
+class ModbusServer(RigInterface):
     """
     Modbus TCP server of one well.
 
@@ -82,8 +81,6 @@ class ModbusServer(LoopInterface):
         Receives the bit depth that a client wrote, as `wire.RIG_STATE`, if writing is allowed.
     authority : ControlAuthority, optional
         Decides about requests that come through the control registers.
-    clock, wall : callable
-        Steady time, s, and time, ns since the epoch.
     """
 
     _called, _what = "modbus", "Modbus TCP"
@@ -93,15 +90,12 @@ class ModbusServer(LoopInterface):
         settings: ModbusSettings,
         on_rig_state: OnRigState | None = None,
         authority: ControlAuthority | None = None,
-        clock: Callable[[], float] = time.monotonic,
-        wall: Callable[[], int] = time.time_ns,
     ) -> None:
         super().__init__(self._called)
         self.settings = settings
         self.refused = 0
         self.reads = 0
         self.denied = 0
-        self._clock, self._wall = clock, wall
         self._on_rig_state = on_rig_state
         self._input = RigInput(settings.rig)
         self._block = registers(nothing_yet(), settings.form)
@@ -112,12 +106,7 @@ class ModbusServer(LoopInterface):
         # Number of the connection whose request is answered in the present task.
         self._asking = contextvars.ContextVar("connection", default=0)
         allowed = settings.allow_control and authority is not None
-        self._control = ControlRegisters(authority, settings.form, clock) if allowed and authority else None
-
-    @property
-    def port(self) -> int:
-        """Port on which the server listens; 0 while it is not running."""
-        return int(self.address.rpartition(":")[2]) if self.address else 0
+        self._control = ControlRegisters(authority, settings.form) if allowed and authority else None
 
     def start(self) -> None:
         """
@@ -140,36 +129,42 @@ class ModbusServer(LoopInterface):
         host, port = checked_host(self.settings.host, self.settings.allow_network), self.settings.port
         probe_port(host, port)
         server = self._server.ModbusTcpServer(self._devices(), address=(host, port), identity=self._named())
-        serve_only(server)
+        await self._serve(server, f"{host} port {port}", ready, stop)
+
+    async def _serve(self, server: Any, where: str, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Run a server of pymodbus until `stop` is set; raise InterfaceError if it cannot start; where: its address."""
+        # Limit the server to decoding the functions in `_SERVED`.
+        table = server.decoder.pdu_table
+        server.decoder.pdu_table = {function: classes for function, classes in table.items() if function in _SERVED}
         make = server.callback_new_connection
         server.callback_new_connection = lambda: self._watched(make())
         try:
             await server.serve_forever(background=True)
         except RuntimeError as error:
-            raise InterfaceError(f"{host} port {port}: {error}") from error
+            raise InterfaceError(f"{where}: {error}") from error
         try:
-            bound = server.transport.sockets[0].getsockname()
-            ready(f"{bound[0]}:{bound[1]}")
+            ready(self._bound(server))
             await self._follow(stop)
         finally:
             await server.shutdown()
             for connection in list(self._connections.values()):
                 connection.transport.abort()
 
+    def _bound(self, server: Any) -> str:
+        """Return the address at which a running server answers."""
+        return self._peer(server.transport.sockets[0].getsockname())
+
     async def _follow(self, stop: asyncio.Event) -> None:
         """Replace the block of registers when new values arrive, and check the connections."""
         while not stop.is_set():
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(_LOOK):
-                    await self.wake.wait()
-            self.wake.clear()
+            await self.woken(_LOOK)
             if self.values is not None:
                 self._block = registers(self.values, self.settings.form)
             self._look_after()
 
     def _look_after(self) -> None:
         """Close connections that have been idle for too long."""
-        now = self._clock()
+        now = time.monotonic()
         for connection in list(self._connections.values()):
             if now - connection.last_request > self.settings.idle_timeout:
                 connection.transport.close()
@@ -260,7 +255,7 @@ class ModbusServer(LoopInterface):
             self.denied += 1
             return self._codes.ILLEGAL_VALUE
         self._written = words
-        sample = self._input.take({"bit_depth": depth}, self._wall())
+        sample = self._input.take({"bit_depth": depth}, time.time_ns())
         if sample is not None and self._on_rig_state is not None:
             self._on_rig_state(sample)
         return None
@@ -293,14 +288,14 @@ class ModbusServer(LoopInterface):
                 transport.close()
                 return
             peer = transport.get_extra_info("peername") or ("unknown", 0)
-            now = self._clock()
+            now = time.monotonic()
             self._connections[number] = _Connection(transport, self._peer(peer), now, now)
             made(transport)
 
         def data_received(data: bytes) -> None:
             connection = self._connections.get(number)
             if connection is not None:
-                connection.last_request = self._clock()
+                connection.last_request = time.monotonic()
                 connection.requests += 1
                 answer = self._at_once(data)
                 if answer is None:
@@ -328,7 +323,7 @@ class ModbusServer(LoopInterface):
 
     def status(self) -> InterfaceStatus:
         """Return the state of the server."""
-        now = self._clock()
+        now = time.monotonic()
         connections = list(self._connections.values())
         peers = tuple(
             PeerStatus(
@@ -354,12 +349,6 @@ class ModbusServer(LoopInterface):
             counts=(("denied", self.denied), ("rig_samples", self._input.counts.taken)),
             last=(("heartbeat", str(block[1])), ("status", f"{block[2]:016b}"), ("survey", str(block[3]))),
         )
-
-
-def serve_only(server: Any) -> None:
-    """Limit a pymodbus server to decoding the functions in `_SERVED`."""
-    table = server.decoder.pdu_table
-    server.decoder.pdu_table = {function: classes for function, classes in table.items() if function in _SERVED}
 
 
 def _refusal(data: bytes) -> bytes | None:
@@ -391,17 +380,10 @@ _INTERFACE = "Modbus"
 
 
 class ControlRegisters:
-    """
-    Control registers of one server.
+    """Control registers of one server."""
 
-    Parameters
-    ----------
-    clock : callable
-        Steady time, s, the same clock as the authority's.
-    """
-
-    def __init__(self, authority: ControlAuthority, form: ModbusForm, clock: Callable[[], float]) -> None:
-        self._authority, self._form, self._clock = authority, form, clock
+    def __init__(self, authority: ControlAuthority, form: ModbusForm) -> None:
+        self._authority, self._form = authority, form
         self._last: tuple[int, ...] = (0,) * (REQUEST_COUNT + ANSWER_COUNT)
         self._asked: dict[int, tuple[int, ...]] = {}
         self._command: tuple[int, ...] = (0,) * COMMAND_COUNT
@@ -435,16 +417,16 @@ class ControlRegisters:
         """
         action, number, priority, duration = words
         if action == _RELEASE:
-            status = self._authority.status(self._clock())
+            status = self._authority.status(time.monotonic())
             mine = f"{CONTROLLER}{number}"
             lease = status.lease if status.owner == mine else 0
             lease = status.pending if status.pending_controller == mine else lease
-            done, message = self._authority.release(lease, self._clock(), _sender(connection))
+            done, message = self._authority.release(lease, time.monotonic(), _sender(connection))
             decision = ControlDecision(Permission.DENIED, 0, message)
         elif action == _ASK and number:
             name = f"{CONTROLLER}{number}"
             request = ControlRequest(_sender(connection), name, _INTERFACE, priority, duration=float(duration))
-            decision = self._authority.request(request, self._clock())
+            decision = self._authority.request(request, time.monotonic())
             done = True
         else:
             return False
@@ -470,7 +452,7 @@ class ControlRegisters:
             flow_rate=flow / UNITS["m^3/s"].modbus.factor,
             valid_for=valid_for,
         )
-        taken, _ = self._authority.command(point, self._clock(), _sender(connection))
+        taken, _ = self._authority.command(point, time.monotonic(), _sender(connection))
         if taken:
             self._command = words
         return taken

@@ -14,7 +14,6 @@ import datetime as dt
 import hashlib
 import itertools
 import socket
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -120,13 +119,19 @@ class OpcuaAccess:
         await server.load_certificate(certificate)
         await server.load_private_key(key)
 
-    def user(self, certificate: bytes | None) -> Any:
+    def get_user(
+        self, _server: Any, username: str | None = None, password: str | None = None, certificate: bytes | None = None
+    ) -> Any:
         """
         Return the user of a session from the certificate of its channel; None refuses the session.
+
+        This is the method of a user manager of asyncua; names and passwords are not supported.
 
         asyncua calls this function once for each activation of a session, so the name of the user identifies session
         and certificate.
         """
+        if username or password:
+            return None
         rules = optional("asyncua.crypto.permission_rules", "asyncua", "OPC UA")
         if not certificate:
             return rules.User(role=rules.UserRole.Anonymous) if self.anyone else None
@@ -167,19 +172,6 @@ class Services:
         asked = binary.struct_from_binary(self._ua.CallParameters, body.copy())
         refresh = self._ua.NodeId(ids.ConditionType_ConditionRefresh)
         return all(method.MethodId == refresh for method in asked.MethodsToCall)
-
-
-class Users:
-    """User manager for asyncua: the user of a session follows from the certificate alone."""
-
-    def __init__(self, find: Callable[[bytes | None], Any]) -> None:
-        self._find = find
-
-    def get_user(
-        self, _server: Any, username: str | None = None, password: str | None = None, certificate: bytes | None = None
-    ) -> Any:
-        """Return the user, or None to refuse. Names and passwords are not supported."""
-        return None if username or password else self._find(certificate)
 
 
 def _certificates(folder: Path, x509: Any) -> list[Any]:

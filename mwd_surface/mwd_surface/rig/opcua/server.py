@@ -10,7 +10,6 @@ methods.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import dataclasses
 import logging
 import time
@@ -29,16 +28,16 @@ from mwd_surface.rig.interface import (
     STOPPED,
     InterfaceError,
     InterfaceStatus,
-    LoopInterface,
     OnCommand,
     PeerStatus,
+    RigInterface,
     checked_host,
     optional,
     port_error,
     probe_port,
 )
 from mwd_surface.rig.library_log import bound_log
-from mwd_surface.rig.opcua.access import APPLICATION, OpcuaAccess, Users
+from mwd_surface.rig.opcua.access import APPLICATION, OpcuaAccess
 from mwd_surface.rig.opcua.address_space import (
     MANIFEST,
     NAMESPACE,
@@ -63,7 +62,7 @@ _LOG = logging.getLogger("mwd_surface.opcua")
 _TICK = 1.0  # longest time between two writes of a value, s
 
 
-class OpcuaServer(LoopInterface):
+class OpcuaServer(RigInterface):
     """
     OPC UA server of one well.
 
@@ -77,8 +76,6 @@ class OpcuaServer(LoopInterface):
         Folder of the certificates, used if the settings name none.
     authority : ControlAuthority, optional
         Decides about requests that come through the control methods.
-    clock : callable
-        Steady time, s.
     """
 
     def __init__(
@@ -88,7 +85,6 @@ class OpcuaServer(LoopInterface):
         on_command: OnCommand | None = None,
         folder: Path | None = None,
         authority: ControlAuthority | None = None,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__("opcua")
         self.settings, self.well = settings, well or "well"
@@ -96,9 +92,8 @@ class OpcuaServer(LoopInterface):
         if settings.allow_commands and on_command is not None:
             self._methods += survey_methods(on_command)
         if settings.allow_control and authority is not None:
-            self._methods += control_methods(authority, clock)
+            self._methods += control_methods(authority)
         self._folder = Path(settings.certificates).expanduser() if settings.certificates else folder
-        self._clock = clock
         self._server: Any = None
         self._since: dict[Any, float] = {}
         self._written, self._confirmed_at = 0, -_TICK
@@ -108,11 +103,6 @@ class OpcuaServer(LoopInterface):
         self._written_values = asyncio.Event()
         self._ids: dict[str, Any] = {}
         self._subscriptions: SubscriptionLimits | None = None
-
-    @property
-    def port(self) -> int:
-        """Port on which the server listens; 0 while it is not running."""
-        return int(self.address.rpartition(":")[2].rstrip("/")) if self.address else 0
 
     def start(self) -> None:
         """
@@ -141,7 +131,7 @@ class OpcuaServer(LoopInterface):
             raise InterfaceError("certificates: name a folder for the certificates of OPC UA")
         # Check the port before loading the address space, which takes seconds.
         probe_port(host, self.settings.port)
-        server = self._server = self._asyncua.Server(user_manager=Users(self._access.user))
+        server = self._server = self._asyncua.Server(user_manager=self._access)
         await server.init()
         await server.set_application_uri(APPLICATION)
         server.product_uri = APPLICATION
@@ -233,17 +223,14 @@ class OpcuaServer(LoopInterface):
 
     async def _show_values(self, server: Any, stop: asyncio.Event) -> None:
         while not stop.is_set():
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(_TICK):
-                    await self.wake.wait()
-            self.wake.clear()
+            await self.woken(_TICK)
             clients = {client for client in server.bserver.clients if client.peer_name}
-            self._since = {client: self._since.get(client, self._clock()) for client in clients}
+            self._since = {client: self._since.get(client, time.monotonic()) for client in clients}
             if self.values is not None:
                 await self._write(server, self.values)
 
     async def _write(self, server: Any, values: RigValues) -> None:
-        table, now = variable_values(values), self._clock()
+        table, now = variable_values(values), time.monotonic()
         # Confirm every value once per second with a new server timestamp, even if the value has not changed.
         confirm = now - self._confirmed_at >= _TICK
         for variable in VARIABLES:
@@ -421,18 +408,18 @@ def survey_methods(on_command: OnCommand) -> list[OpcuaMethod]:
     return [OpcuaMethod(name, inputs, asking(name)) for name, inputs in table.items()]
 
 
-def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> list[OpcuaMethod]:
-    """Return the control methods; clock: steady time, s, the same clock as the authority's."""
+def control_methods(authority: ControlAuthority) -> list[OpcuaMethod]:
+    """Return the control methods."""
 
     def request(given: dict[str, Any], identity: str) -> Sequence[Any]:
-        decision = authority.request(ControlRequest(Sender(_INTERFACE, identity), **given), clock())
+        decision = authority.request(ControlRequest(Sender(_INTERFACE, identity), **given), time.monotonic())
         return decision.message, int(decision.permission), decision.lease
 
     def command(given: dict[str, Any], identity: str) -> Sequence[Any]:
-        return authority.command(SetPoint(**given), clock(), Sender(_INTERFACE, identity))
+        return authority.command(SetPoint(**given), time.monotonic(), Sender(_INTERFACE, identity))
 
     def release(given: dict[str, Any], identity: str) -> Sequence[Any]:
-        return authority.release(given["lease"], clock(), Sender(_INTERFACE, identity), given["reason"])
+        return authority.release(given["lease"], time.monotonic(), Sender(_INTERFACE, identity), given["reason"])
 
     lease = ("lease", "UInt32", "number of the lease")
     return [

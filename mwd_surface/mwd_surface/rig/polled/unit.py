@@ -18,7 +18,7 @@ from typing import Any
 from mwd_sensors.core.settings import setting
 from mwd_sensors.drivers import polled_line
 from mwd_sensors.drivers.polled_line import Poll, PolledFrame, ReplyItem
-from mwd_surface.rig.interface import LISTENING, STOPPED, InterfaceError, InterfaceStatus, LoopInterface, optional
+from mwd_surface.rig.interface import LISTENING, STOPPED, InterfaceError, InterfaceStatus, RigInterface, optional
 from mwd_surface.rig.values import RigValues
 from mwd_surface.signals.table import TO_RIG
 
@@ -49,7 +49,7 @@ class PolledSettings:
     )
 
 
-class PolledUnit(LoopInterface):
+class PolledUnit(RigInterface):
     """Interface that answers requests on a serial line with the newest values."""
 
     def __init__(self, settings: PolledSettings) -> None:

@@ -13,6 +13,7 @@ import asyncio
 import contextlib
 import dataclasses
 import os
+import time
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
@@ -22,12 +23,11 @@ from mwd_surface.rig.interface import (
     CONNECTED,
     CONNECTING,
     STOPPED,
-    InterfaceError,
     InterfaceStatus,
     OnRigState,
     optional,
 )
-from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings, WitsWriter
+from mwd_surface.rig.wits.link import Wits0Link, Wits0Settings
 
 _STEADY = 10.0  # length of a connection after which the wait starts again from the shortest, s
 
@@ -65,16 +65,15 @@ class _Caller(Wits0Link, abc.ABC):
         backoff: Backoff,
         talk: Wits0Settings | None,
         on_rig_state: OnRigState | None,
-        **clocks: Any,
     ) -> None:
-        super().__init__(name, talk or Wits0Settings(), on_rig_state, **clocks)
+        super().__init__(name, talk or Wits0Settings(), on_rig_state)
         self._where, self._backoff = where, backoff
         self.failures = 0
         self.connections = 0
         self._reason = ""
 
     @abc.abstractmethod
-    def connection(self) -> contextlib.AbstractAsyncContextManager[tuple[asyncio.StreamReader, WitsWriter]]:
+    def connection(self) -> contextlib.AbstractAsyncContextManager[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
         """
         Return a context manager that opens one connection and gives its reader and writer.
 
@@ -98,12 +97,12 @@ class _Caller(Wits0Link, abc.ABC):
         while True:
             try:
                 async with self.connection() as (reader, writer):
-                    began = self.clock()
+                    began = time.monotonic()
                     self.connections += 1
                     self._reason = ""
                     await self.converse(reader, writer, self._where)
                 self._reason = f"{self._where} ended the connection"
-                self.failures = 0 if self.clock() - began >= _STEADY else self.failures + 1
+                self.failures = 0 if time.monotonic() - began >= _STEADY else self.failures + 1
             except (OSError, TimeoutError) as error:
                 self.failures += 1
                 self._reason = f"{self._where}: {error or 'no answer'}"
@@ -126,19 +125,18 @@ class Wits0Client(_Caller):
         settings: Wits0ClientSettings,
         talk: Wits0Settings | None = None,
         on_rig_state: OnRigState | None = None,
-        **clocks: Any,
     ) -> None:
         where = f"{settings.host}:{settings.port}"
-        super().__init__("wits0_client", where, settings.backoff, talk, on_rig_state, **clocks)
+        super().__init__("wits0_client", where, settings.backoff, talk, on_rig_state)
         self.settings = settings
 
     @contextlib.asynccontextmanager
-    async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, WitsWriter]]:
+    async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
         """Open a TCP connection."""
         async with asyncio.timeout(self.settings.connect_timeout):
             reader, stream = await asyncio.open_connection(self.settings.host, self.settings.port, limit=16384)
         try:
-            yield reader, StreamWriter(stream)
+            yield reader, stream
         finally:
             stream.transport.abort()
 
@@ -151,9 +149,8 @@ class Wits0Serial(_Caller):
         settings: Wits0SerialSettings,
         talk: Wits0Settings | None = None,
         on_rig_state: OnRigState | None = None,
-        **clocks: Any,
     ) -> None:
-        super().__init__("wits0_serial", settings.device, settings.backoff, talk, on_rig_state, **clocks)
+        super().__init__("wits0_serial", settings.device, settings.backoff, talk, on_rig_state)
         self.settings = settings
         self._serial: Any = None
 
@@ -164,15 +161,13 @@ class Wits0Serial(_Caller):
         Raises
         ------
         InterfaceError
-            pyserial is not installed, or this is not a POSIX system.
+            pyserial is not installed.
         """
         self._serial = optional("serial", "pyserial", "WITS over a serial line")
-        if os.name != "posix":
-            raise InterfaceError("WITS over a serial line needs a POSIX system; use TCP and a serial server here")
         super().start()
 
     @contextlib.asynccontextmanager
-    async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, WitsWriter]]:
+    async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
         """Open the device."""
         loop = asyncio.get_running_loop()
         device = await loop.run_in_executor(
@@ -183,47 +178,13 @@ class Wits0Serial(_Caller):
             source, sink = os.fdopen(os.dup(device.fd), "rb", 0), os.fdopen(os.dup(device.fd), "wb", 0)
             reader = asyncio.StreamReader(limit=16384)
             incoming, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), source)
-            outgoing, protocol = await loop.connect_write_pipe(_Outgoing, sink)
+            # The stream of the writing side needs a reader too; nothing arrives there.
+            unread = asyncio.StreamReader()
+            outgoing, protocol = await loop.connect_write_pipe(lambda: asyncio.StreamReaderProtocol(unread), sink)
             try:
-                yield reader, _PipeWriter(outgoing, protocol)
+                yield reader, asyncio.StreamWriter(outgoing, protocol, unread, loop)
             finally:
                 incoming.close()
                 outgoing.abort()
         finally:
             device.close()
-
-
-class _Outgoing(asyncio.Protocol):
-    """Flow control for the writing side of the line."""
-
-    def __init__(self) -> None:
-        self.room = asyncio.Event()
-        self.room.set()
-        self.lost = False
-
-    def pause_writing(self) -> None:
-        self.room.clear()
-
-    def resume_writing(self) -> None:
-        self.room.set()
-
-    def connection_lost(self, _error: Exception | None) -> None:
-        self.lost = True
-        self.room.set()
-
-
-class _PipeWriter:
-    def __init__(self, transport: asyncio.WriteTransport, protocol: _Outgoing) -> None:
-        self._transport, self._protocol = transport, protocol
-        transport.set_write_buffer_limits(high=2048)
-
-    def write(self, data: bytes) -> None:
-        self._transport.write(data)
-
-    async def drain(self) -> None:
-        await self._protocol.room.wait()
-        if self._protocol.lost:
-            raise BrokenPipeError("the serial line is gone")
-
-    def abort(self) -> None:
-        self._transport.abort()

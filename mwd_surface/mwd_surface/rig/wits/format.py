@@ -12,14 +12,14 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from mwd_sensors.core import budgets
 from mwd_sensors.core.foreign_text import unprintable
 
 BEGIN, END, EOL = b"&&", b"!!", b"\r\n"
 MAX_FRAME_BYTES = budgets.WITS.size
-NULLS = (-9999.0, -8888.0, -999.25)  # numbers that mean "no value" by default
+NULLS = (-9999.0, -8888.0, -999.25)  # numbers that mean "no value"
 # Packet that a Pason-type recorder sends and expects every half minute: a vertical depth (item 0111) without a value.
 KEEP_ALIVE = b"&&\r\n0111-9999\r\n!!\r\n"
 _LINE = re.compile(rb"[ \t]*(\d\d)(\d\d)(.*)", re.DOTALL)
@@ -101,23 +101,17 @@ def checked_text(text: str) -> str:
     return text
 
 
-def plain_text(text: str, longest: int = 16) -> str:
-    """Return a name in a form that is allowed in a frame: non-ASCII as `?`, without frame marks, cut to `longest`."""
+def plain_text(text: str) -> str:
+    """Return a name in a form allowed in a frame: non-ASCII as `?`, without frame marks, cut to 16 characters."""
     shown = "".join(c if " " <= c <= "~" else "?" for c in text)
-    return shown.replace("&&", "&").replace("!!", "!").replace("&&", "&").replace("!!", "!").strip()[:longest]
+    return shown.replace("&&", "&").replace("!!", "!").replace("&&", "&").replace("!!", "!").strip()[:16]
 
 
 class Decoder:
-    """
-    Decoder of frames from bytes in pieces of any length; at most `max_frame_bytes` of an unfinished frame are kept.
+    """Decoder of frames from bytes in pieces; at most `MAX_FRAME_BYTES` of an unfinished frame are kept."""
 
-    nulls: numbers that mean "no value".
-    """
-
-    def __init__(self, max_frame_bytes: int = MAX_FRAME_BYTES, nulls: Sequence[float] = NULLS) -> None:
+    def __init__(self) -> None:
         self.counts = DecoderCounts()
-        self._limit = max_frame_bytes
-        self._nulls = frozenset(nulls)
         self._buffer = bytearray()
         self._inside = False
         # Position up to which the buffer was searched for the next mark.
@@ -158,12 +152,12 @@ class Decoder:
                 self._searched = 0
                 continue
             if end < 0:
-                if len(self._buffer) <= self._limit:
+                if len(self._buffer) <= MAX_FRAME_BYTES:
                     self._searched = max(0, len(self._buffer) - 1)
                     return
                 self._give_up()
                 continue
-            if end > self._limit:
+            if end > MAX_FRAME_BYTES:
                 self._give_up()
                 continue
             frames.append(self._frame(bytes(self._buffer[:end])))
@@ -206,7 +200,7 @@ class Decoder:
         number = float(text) if _NUMBER.fullmatch(text) else None
         if number is not None and not math.isfinite(number):
             return None
-        null = number in self._nulls
+        null = number in NULLS
         self.counts.nulls += null
         return WitsItem(code, text, number, null)
 

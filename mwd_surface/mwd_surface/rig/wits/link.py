@@ -10,18 +10,15 @@ time.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import dataclasses
 import time
-from collections import deque
-from collections.abc import Callable
-from typing import Protocol
+from collections import Counter, deque
 
 from mwd_sensors.core.settings import setting
 from mwd_surface.rig.input import RigInput, RigInputSettings
-from mwd_surface.rig.interface import InterfaceStatus, LoopInterface, OnRigState, PeerStatus
+from mwd_surface.rig.interface import InterfaceStatus, OnRigState, PeerStatus, RigInterface
 from mwd_surface.rig.values import RigValues
-from mwd_surface.rig.wits.format import KEEP_ALIVE, Decoder, WitsFrame, encode
+from mwd_surface.rig.wits.format import KEEP_ALIVE, Decoder, DecoderCounts, WitsFrame, encode
 from mwd_surface.rig.wits.records import Items, RecordWriter, Wits0Format, rig_readings, shown
 
 # Schedule of WITS packets: surveys once when accepted, toolfaces when they arrive, other records periodically.
@@ -118,6 +115,7 @@ def _merged(groups: list[Items]) -> list[Items]:
 
 
 _TICK = 0.5  # time between checks for packets that are due, s
+_BUFFER_BYTES = 2048  # number of outgoing bytes above which a peer counts as slow
 _SOURCE_SILENT = 10.0  # time of silence, s, after which another peer may become the source of rig data
 
 
@@ -141,39 +139,6 @@ class Wits0Settings:
         low=0.2,
         high=300.0,
     )
-
-
-class WitsWriter(Protocol):
-    """Interface of a writer to a connection: an asyncio stream or a substitute."""
-
-    def write(self, data: bytes) -> None:
-        """Write bytes to the connection."""
-
-    async def drain(self) -> None:
-        """Wait until the buffer for outgoing bytes has room again."""
-
-    def abort(self) -> None:
-        """Cut the connection."""
-
-
-class StreamWriter:
-    """Writer to an asyncio stream."""
-
-    def __init__(self, stream: asyncio.StreamWriter) -> None:
-        self._stream = stream
-        stream.transport.set_write_buffer_limits(high=2048)
-
-    def write(self, data: bytes) -> None:
-        """Write bytes to the stream."""
-        self._stream.write(data)
-
-    async def drain(self) -> None:
-        """Wait until the buffer for outgoing bytes has room again."""
-        await self._stream.drain()
-
-    def abort(self) -> None:
-        """Cut the connection."""
-        self._stream.transport.abort()
 
 
 class Peer:
@@ -222,7 +187,7 @@ class Peer:
         return PeerStatus(self.address, self.since, self.sent, self.received, self.dropped, rate, self.last)
 
 
-class Wits0Link(LoopInterface):
+class Wits0Link(RigInterface):
     """
     Base of all WITS interfaces: exchanges data with the peers that a subclass connects.
 
@@ -232,8 +197,6 @@ class Wits0Link(LoopInterface):
         Name of the interface.
     on_rig_state : callable, optional
         Receives rig data, `wire.RIG_STATE`, in the thread of the interface.
-    clock, wall : callable
-        Steady time, s, and time, ns since the epoch.
     """
 
     def __init__(
@@ -241,15 +204,11 @@ class Wits0Link(LoopInterface):
         name: str,
         settings: Wits0Settings,
         on_rig_state: OnRigState | None = None,
-        clock: Callable[[], float] = time.monotonic,
-        wall: Callable[[], int] = time.time_ns,
     ) -> None:
         super().__init__(name)
         self.talk = settings
         self.refused = 0
         self.cut_off = 0
-        self.clock = clock
-        self._wall = wall
         self._on_rig_state = on_rig_state if settings.rig.accept else None
         self._input = RigInput(settings.rig)
         self._sender = Wits0Sender(settings.form, settings.schedule)
@@ -257,7 +216,7 @@ class Wits0Link(LoopInterface):
         self._source: tuple[Peer, float] | None = None
         self._gone = PeerStatus("", 0.0)
         self._strangers = 0
-        self._decoded = dict.fromkeys(("frames", "junk_bytes", "broken_frames", "bad_items", "nulls"), 0)
+        self._decoded = Counter(dataclasses.asdict(DecoderCounts()))
 
     @property
     def peers(self) -> int:
@@ -267,21 +226,19 @@ class Wits0Link(LoopInterface):
     async def send_due(self, stop: asyncio.Event) -> None:
         """Send due packets to all peers until `stop` is set."""
         while not stop.is_set():
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(_TICK):
-                    await self.wake.wait()
-            self.wake.clear()
+            await self.woken(_TICK)
             if self.values is None:
                 continue
             for peer in self._peers:
                 self._greet(peer)
-            for packet in self._sender.due(self.values, self.clock()):
+            for packet in self._sender.due(self.values, time.monotonic()):
                 for peer in self._peers:
                     peer.put(packet)
 
-    async def converse(self, reader: asyncio.StreamReader, writer: WitsWriter, address: str) -> None:
+    async def converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, address: str) -> None:
         """Exchange data with one peer until either side ends."""
-        peer = Peer(address, self.talk.queue_bytes, self.clock())
+        writer.transport.set_write_buffer_limits(high=_BUFFER_BYTES)
+        peer = Peer(address, self.talk.queue_bytes, time.monotonic())
         self._peers.add(peer)
         self._greet(peer)
         tasks = [
@@ -296,7 +253,7 @@ class Wits0Link(LoopInterface):
             await asyncio.gather(*tasks, return_exceptions=True)
             self._peers.discard(peer)
             self._forget(peer)
-            writer.abort()
+            writer.transport.abort()
 
     def end_all(self) -> None:
         """End the connections with all peers."""
@@ -323,7 +280,7 @@ class Wits0Link(LoopInterface):
                 peer.received += 1
                 self._receive(peer, frame)
 
-    async def _speak(self, writer: WitsWriter, peer: Peer) -> None:
+    async def _speak(self, writer: asyncio.StreamWriter, peer: Peer) -> None:
         while True:
             await peer.news.wait()
             packet = peer.take()
@@ -340,7 +297,7 @@ class Wits0Link(LoopInterface):
                 return
             except OSError:
                 return
-            peer.was_sent(self.clock())
+            peer.was_sent(time.monotonic())
             if packet != KEEP_ALIVE:
                 peer.last = packet.decode("ascii").splitlines()[-2]
 
@@ -348,13 +305,13 @@ class Wits0Link(LoopInterface):
         readings = rig_readings(frame, self.talk.form.units)
         if self._on_rig_state is None or not readings:
             return
-        now = self.clock()
+        now = time.monotonic()
         if self._source is not None and self._source[0] is not peer and now - self._source[1] < _SOURCE_SILENT:
             # Do not mix depths from two rigs.
             self._strangers += 1
             return
         self._source = (peer, now)
-        sample = self._input.take(readings, self._wall())
+        sample = self._input.take(readings, time.time_ns())
         if sample is not None:
             self._on_rig_state(sample)
 
@@ -365,17 +322,15 @@ class Wits0Link(LoopInterface):
         self._gone = dataclasses.replace(
             s, sent=s.sent + peer.sent, received=s.received + peer.received, dropped=s.dropped + peer.dropped
         )
-        for name in self._decoded:
-            self._decoded[name] += getattr(peer.decoder.counts, name)
+        self._decoded.update(dataclasses.asdict(peer.decoder.counts))
 
     def status_as(self, state: str, reason: str = "") -> InterfaceStatus:
         """Return the state of the interface with all counts; state, reason: as in `InterfaceStatus`."""
-        now = self.clock()
+        now = time.monotonic()
         peers = tuple(sorted((p.status(now) for p in tuple(self._peers)), key=lambda p: p.since))
-        counted = dict(self._decoded)
+        counted = self._decoded.copy()
         for peer in tuple(self._peers):
-            for name in counted:
-                counted[name] += getattr(peer.decoder.counts, name)
+            counted.update(dataclasses.asdict(peer.decoder.counts))
         counts = {
             **counted,
             "cut_off": self.cut_off,

@@ -7,11 +7,10 @@ import asyncio
 import dataclasses
 import socket
 from collections.abc import Callable
-from typing import Any
 
 from mwd_sensors.core.settings import setting
 from mwd_surface.rig.interface import LISTENING, STOPPED, InterfaceStatus, OnRigState, checked_host, port_error
-from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings
+from mwd_surface.rig.wits.link import Wits0Link, Wits0Settings
 
 # Size of the send buffer, bytes; a larger one would delay the detection of a peer that does not read.
 _KERNEL_BUFFER = 16384
@@ -43,16 +42,10 @@ class Wits0Server(Wits0Link):
         settings: Wits0ServerSettings,
         talk: Wits0Settings | None = None,
         on_rig_state: OnRigState | None = None,
-        **clocks: Any,
     ) -> None:
-        super().__init__("wits0_server", talk or Wits0Settings(), on_rig_state, **clocks)
+        super().__init__("wits0_server", talk or Wits0Settings(), on_rig_state)
         self.settings = settings
         self._of_host: dict[str, int] = {}
-
-    @property
-    def port(self) -> int:
-        """Port on which the server listens; 0 while it is not running."""
-        return int(self.address.rpartition(":")[2]) if self.address else 0
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
         """Listen until `stop` is set; raise InterfaceError if the host is not allowed or the port cannot be opened."""
@@ -86,7 +79,7 @@ class Wits0Server(Wits0Link):
         if task is not None:
             self._conversations.add(task)
         try:
-            await self.converse(reader, StreamWriter(stream), f"{host}:{peername[1]}")
+            await self.converse(reader, stream, f"{host}:{peername[1]}")
         finally:
             self._of_host[host] -= 1
             if not self._of_host[host]:

@@ -33,8 +33,9 @@ from mwd_surface.rig.interface import (
     STOPPED,
     InterfaceError,
     InterfaceStatus,
-    LoopInterface,
     PeerStatus,
+    RigInterface,
+    wait_for,
 )
 
 _NAMESPACE = "http://www.witsml.org/message/120"
@@ -62,20 +63,12 @@ class WitsmlStoreSettings:
     backoff: Backoff = setting(Backoff, "Waits between attempts to send.")
 
 
-class WitsmlStore(LoopInterface):
-    """
-    Client that pushes trajectories to a WITSML store.
+class WitsmlStore(RigInterface):
+    """Client that pushes trajectories to a WITSML store."""
 
-    Parameters
-    ----------
-    clock : callable
-        Steady time, s.
-    """
-
-    def __init__(self, settings: WitsmlStoreSettings, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, settings: WitsmlStoreSettings) -> None:
         super().__init__("witsml_store")
         self.settings = settings
-        self._clock = clock
         self._document = ""
         self._sent_document = ""
         # Identifiers of the stations of each trajectory that were written to the store.
@@ -114,7 +107,7 @@ class WitsmlStore(LoopInterface):
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
         """Push new documents until `stop` is set; wait and retry after a failure."""
         ready(self.settings.url)
-        self._since, failed = self._clock(), 0
+        self._since, failed = time.monotonic(), 0
         while not stop.is_set():
             self.wake.clear()
             document = self._document
@@ -129,13 +122,7 @@ class WitsmlStore(LoopInterface):
                     failed, self._reason, self._sent_document = 0, "", document
                     self._sent += 1
                     continue
-            wait = self.settings.backoff.wait(failed) if failed else None
-            try:
-                async with asyncio.timeout(wait):
-                    await self.wake.wait()
-            except TimeoutError:
-                # The wait after a failure is over: try again.
-                continue
+            await wait_for(self.wake, self.settings.backoff.wait(failed) if failed else None)
 
     def _credentials(self) -> str:
         if not self.settings.user:
@@ -158,36 +145,31 @@ class WitsmlStore(LoopInterface):
                 raise StoreRefusedError(f"the store speaks WITSML {versions or 'of an unknown version'}, not 1.4.1.1")
         uid, stations = _uid(document), _stations(document)
         add, update = "WMLS_AddToStore", "WMLS_UpdateInStore"
-        arguments = {"WMLtypeIn": "trajectory", "XMLin": document, "OptionsIn": "", "CapabilitiesIn": ""}
         first, second = (update, add) if uid in self._stations_of else (add, update)
-        result, message = self._order(first, arguments)
+        result, message = self._order(first, "XMLin", document)
         if result == (ALREADY_THERE if first == add else NOT_THERE):
             first = second
-            result, message = self._order(second, arguments)
+            result, message = self._order(second, "XMLin", document)
         if result < SUCCESS:
             raise StoreRefusedError(f"{first}: the store refused with {result}" + (f": {message}" if message else ""))
         before = self._stations_of.get(uid, set())
         self._stations_of[uid] = before | stations
         gone = before - stations
         if gone and first == update:
-            arguments = {
-                "WMLtypeIn": "trajectory",
-                "QueryIn": _without(document, gone),
-                "OptionsIn": "",
-                "CapabilitiesIn": "",
-            }
-            result, message = self._order("WMLS_DeleteFromStore", arguments)
+            result, message = self._order("WMLS_DeleteFromStore", "QueryIn", _without(document, gone))
             if result < SUCCESS:
                 raise StoreRefusedError(f"WMLS_DeleteFromStore: the store refused with {result}: {message}")
         self._stations_of[uid] = stations
 
-    def _order(self, order: str, arguments: dict[str, str]) -> tuple[int, str]:
+    def _order(self, order: str, name: str, document: str) -> tuple[int, str]:
         """
         Call a function of the store, such as AddToStore; return the result number and message of the answer.
 
+        name: name of the argument that contains the document.
+
         Raises StoreRefusedError if the answer has no result number, and the exceptions of `_ask`.
         """
-        answer = self._ask(order, arguments)
+        answer = self._ask(order, {"WMLtypeIn": "trajectory", name: document, "OptionsIn": "", "CapabilitiesIn": ""})
         try:
             result = int(answer.get("Result", ""))
         except ValueError as error:

@@ -75,7 +75,7 @@ def test_a_file_cut_at_any_of_200_places_gives_back_every_complete_record_and_no
             assert not target.exists()
             continue
         saved = messages(target)
-        assert len(saved) == report.messages == sum(report.topics.values())
+        assert len(saved) == report.messages
         assert set(saved) <= set(everything)
         last = max(span.end_ns for span in complete)
         imu = [row for row in everything if row[0] == "/imu/data_raw" and row[1] <= last]
@@ -286,8 +286,7 @@ def test_messages_whose_topic_was_lost_are_saved_under_its_number(tmp_path):
         body += message_prefix(number, 1, START, START, 3) + b"abc"
     path.write_bytes(MAGIC + packed(Header("ros2", "x")) + body)
     report = recovery.recover_file(path, tmp_path / "y.mcap")
-    assert (report.messages, report.orphans) == (2, 0)
-    assert report.topics == {"/a": 1, "/lost_topic_2": 1}
+    assert report.messages == 2
     assert messages(tmp_path / "y.mcap") == [("/a", START, b"abc"), ("/lost_topic_2", START, b"abc")]
 
 

@@ -60,6 +60,10 @@ def events(path: Path) -> list[str]:
         return [bag.decode(EVENTS, data).msg for _, _, _, data in bag.messages([EVENTS])]
 
 
+def reported(recorder: Recorder, words: str) -> bool:
+    return any(words in event.text for event in recorder.take_events())
+
+
 def put(recorder: Recorder, first: int, count: int, size: int = 300) -> int:
     return sum(recorder.put("/a", STRING, bytes(size), START + k * 1_000_000) for k in range(first, first + count))
 
@@ -148,8 +152,8 @@ def test_a_stalled_disk_never_holds_the_caller_up_and_what_is_lost_is_counted_an
         assert status.dropped == 5000 - taken > 4000
         assert status.queued_bytes <= status.queue_limit == 100_000
         stall.free.set()
-        until(lambda: recorder.status().queued_messages == 0)
-        until(lambda: any("disk is slower" in event.text for event in recorder.events))
+        until(lambda: recorder.status().queued_bytes == 0)
+        until(lambda: reported(recorder, "disk is slower"))
         recorder.stop()
     assert len(recorded(path)) == 110 + taken
     assert any(f"{5000 - taken} messages were lost" in line for line in events(path))
@@ -199,10 +203,9 @@ def test_a_killed_recorder_loses_less_than_two_seconds_and_the_next_start_recove
     process.stdout.close()
     with Recorder(tmp_path, QUICK) as recorder:
         recorder.start("next")
-        until(lambda: any("recovered in run" in event.text for event in recorder.events))
-        (report,) = recorder.status().recovered
+        until(lambda: reported(recorder, "recovered in run"))
         recorder.stop()
-    assert report.kept.exists()
+    assert len(list((tmp_path / "run").glob(f"*{recovery.KEPT}"))) == 1
     rows = recorded(tmp_path / "run")
     assert last - rows[-1][0] < 2.0e9
     assert [int.from_bytes(data[:8], "little") for _, data in rows] == list(range(len(rows)))
@@ -212,11 +215,11 @@ def test_a_killed_recorder_loses_less_than_two_seconds_and_the_next_start_recove
 
 
 def test_quiet_topics_reach_the_disk_in_time_too(tmp_path):
-    recorder = Recorder(tmp_path, RecorderSettings(min_free_bytes=0, chunk_seconds=60.0, sync_seconds=0.2))
+    settings = RecorderSettings(compression="none", min_free_bytes=0, chunk_seconds=60.0, sync_seconds=0.2)
+    recorder = Recorder(tmp_path, settings)
     path = recorder.start("run")
     recorder.put("/a", STRING, text("one"), START)
-    until(lambda: recorder.status().unsaved_s > 0)
-    until(lambda: recorder.status().unsaved_s == 0)
+    until(lambda: any(text("one") in file.read_bytes() for file in path.glob("*.mcap")), timeout_s=30.0)
     with Bag(path) as bag:
         assert any(data == text("one") for *_, data in bag.messages())
         assert not bag.complete
@@ -236,7 +239,7 @@ def test_a_split_loses_no_message(tmp_path, how):
         path, k = recorder.start("run"), 0
         while recorder.status().files < 4:
             k += put(recorder, k, 100)
-            until(lambda: recorder.status().queued_messages == 0)
+            until(lambda: recorder.status().queued_bytes == 0)
             if how == "asked":
                 assert recorder.split().exists()
         recorder.stop()
@@ -338,7 +341,7 @@ def test_a_real_full_disk_of_eight_megabytes_never_runs_over(tmp_path):
             path, k = recorder.start("run"), 0
             while recorder.status().state == RecorderState.RECORDING:
                 k += put(recorder, k, 200, 1000)
-                until(lambda: recorder.status().queued_messages == 0)
+                until(lambda: recorder.status().queued_bytes == 0)
             assert recorder.status().state == RecorderState.PAUSED_DISK_FULL
             files = sorted(path.glob("*.mcap"))
             assert len(files) >= 4
@@ -450,11 +453,10 @@ def test_a_jump_of_the_clock_begins_a_new_file_and_is_recorded(tmp_path):
 def test_a_type_that_is_unknown_here_is_recorded_all_the_same(tmp_path):
     with Recorder(tmp_path, QUICK, Definitions([])) as recorder:
         path = recorder.start("run")
-        recorder.put("/a", "rig_msgs/msg/Pump", b"\0\1\0\0abcd", START, type_hash="RIHS01_77")
+        recorder.put("/a", "rig_msgs/msg/Pump", b"\0\1\0\0abcd", START)
         recorder.stop()
-        assert any("rig_msgs/msg/Pump is unknown here" in event.text for event in recorder.events)
+        assert reported(recorder, "rig_msgs/msg/Pump is unknown here")
     assert recorded(path) == [(START, b"\0\1\0\0abcd")]
-    assert {topic.name: topic.type_hash for topic in bag_metadata.read(path).topics}["/a"] == "RIHS01_77"
 
 
 def test_a_message_that_cannot_be_recorded_is_counted_and_the_others_go_on(tmp_path):
@@ -463,11 +465,12 @@ def test_a_message_that_cannot_be_recorded_is_counted_and_the_others_go_on(tmp_p
         for k in range(5):
             recorder.put("/a", STRING, text("x"), -1)
             recorder.put("/a", STRING, text("y"), START + k, None, "not: [qos")
-        until(lambda: recorder.status().queued_messages == 0)
+        until(lambda: recorder.status().queued_bytes == 0)
         until(lambda: recorder.status().dropped == 5)
         recorder.stop()
-        assert sum("before 1970" in event.text for event in recorder.events) == 1
-        assert sum("quality of service" in event.text for event in recorder.events) == 1
+        told = [event.text for event in recorder.take_events()]
+        assert sum("before 1970" in event for event in told) == 1
+        assert sum("quality of service" in event for event in told) == 1
     assert len(recorded(path)) == 5
 
 
@@ -485,10 +488,7 @@ def test_a_snapshot_holds_the_last_seconds_within_its_bounds(tmp_path):
 
 
 def test_tables_attachments_and_events_are_inside_every_file_of_the_recording(tmp_path):
-    seen = []
-    with Recorder(
-        tmp_path, QUICK, tables=lambda: {"versions": {"mwd_surface": "0.1.0"}}, on_event=seen.append
-    ) as recorder:
+    with Recorder(tmp_path, QUICK, tables=lambda: {"versions": {"mwd_surface": "0.1.0"}}) as recorder:
         path = recorder.start("run", {"well": "F-4"})
         put(recorder, 0, 5)
         recorder.split()
@@ -507,8 +507,7 @@ def test_tables_attachments_and_events_are_inside_every_file_of_the_recording(tm
             assert names.count("versions") == names.count("rosbag2") == 1
             assert reader.get_summary().statistics.metadata_count == len(names)
             assert reader.get_summary().statistics.attachment_count == number
-    assert [event.text for event in seen] == [event.text for event in recorder.events]
-    assert seen[0].level == EventLevel.INFO
+    assert recorder.take_events()[0].level == EventLevel.INFO
     assert events(path)[0] == f"recording to {path}"
 
 
@@ -518,18 +517,7 @@ def test_a_recording_without_any_message_still_tells_when_it_ran(tmp_path):
     assert events(path) == [f"recording to {path}", f"recording of {path} stopped"]
 
 
-def test_a_listener_that_fails_does_not_end_the_recording(tmp_path):
-    def listener(_):
-        raise RuntimeError("page gone")
-
-    with Recorder(tmp_path, QUICK, on_event=listener) as recorder:
-        path = recorder.start("run")
-        put(recorder, 0, 5)
-    assert len(recorded(path)) == 5
-    assert any("page gone" in event.text for event in recorder.events)
-
-
-def test_every_event_is_taken_once_even_after_the_shown_ones_have_run_over(tmp_path):
+def test_every_event_is_taken_once(tmp_path):
     with Recorder(tmp_path, QUICK) as recorder:
         recorder.start("run")
         assert [event.text for event in recorder.take_events()] == [f"recording to {tmp_path / 'run'}"]
@@ -538,7 +526,6 @@ def test_every_event_is_taken_once_even_after_the_shown_ones_have_run_over(tmp_p
             recorder.put(f"/odd{k}", STRING, b"x", -1)
         until(lambda: recorder.status().dropped == 250)
         assert sum("before 1970" in event.text for event in recorder.take_events()) == 250
-        assert len(recorder.events) == 200
 
 
 def test_settings_out_of_bounds_are_refused_by_name():

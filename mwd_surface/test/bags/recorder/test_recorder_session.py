@@ -63,7 +63,7 @@ class Bench:
 
     def take(self, k, topic="/a", log_ns=None, size=300, type_name=STRING, qos=""):
         stamp = START + k * 1_000_000 if log_ns is None else log_ns
-        self.session.take(QueuedMessage(topic, type_name, bytes(size), stamp, stamp, qos, ""))
+        self.session.take(QueuedMessage(topic, type_name, bytes(size), stamp, stamp, qos))
 
     def later(self, seconds):
         self.now += seconds

@@ -11,7 +11,7 @@ TYPE = "std_msgs/msg/String"
 
 
 def item(k, size=40):
-    return QueuedMessage("/t", TYPE, b"\0\1\0\0" + bytes([k]) * (size - 4), k, k, "", "")
+    return QueuedMessage("/t", TYPE, b"\0\1\0\0" + bytes([k]) * (size - 4), k, k)
 
 
 def test_the_oldest_go_when_the_bytes_are_used_up(tmp_path):

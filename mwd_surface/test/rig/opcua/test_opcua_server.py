@@ -20,7 +20,7 @@ from example_rig import attitude, certified, eventually, started, values
 
 from mwd_estimation.core.status import Status
 from mwd_surface.live.alarms import Alarm, Severity
-from mwd_surface.rig.interface import InterfaceError, MissingPackageError
+from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.rig.opcua import subscription_limits
 from mwd_surface.rig.opcua.address_space import NAMESPACE, VARIABLES
 from mwd_surface.rig.opcua.server import OpcuaServer
@@ -493,5 +493,5 @@ def test_a_taken_port_a_foreign_address_and_missing_certificates_are_named():
 
 def test_without_asyncua_the_message_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "asyncua", None)
-    with pytest.raises(MissingPackageError, match="pip install asyncua"):
+    with pytest.raises(InterfaceError, match="pip install asyncua"):
         OpcuaServer(OpcuaSettings(port=0)).start()

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from mwd_surface.rig.backoff import Backoff
 from mwd_surface.rig.input import RigInputSettings
-from mwd_surface.rig.interface import MissingPackageError
+from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.rig.wits.client import Wits0Client, Wits0ClientSettings, Wits0Serial, Wits0SerialSettings
 from mwd_surface.rig.wits.format import Decoder
 from mwd_surface.rig.wits.link import Wits0Settings
@@ -120,5 +120,5 @@ def test_a_serial_device_that_is_not_there_is_reported_and_tried_again():
 
 def test_without_pyserial_the_message_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "serial", None)
-    with pytest.raises(MissingPackageError, match="pip install pyserial"):
+    with pytest.raises(InterfaceError, match="pip install pyserial"):
         Wits0Serial(Wits0SerialSettings()).start()
