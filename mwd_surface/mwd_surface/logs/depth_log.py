@@ -207,7 +207,7 @@ class _ChannelState:
     unplaced: int = 0  #: number of samples without a depth
 
 
-class _Placed(NamedTuple):
+class _RecentSample(NamedTuple):
     """A placed sample, the state of its channel before it, and the sums of each step, by pass and index, before it."""
 
     sample: LogSample
@@ -226,7 +226,7 @@ class _DepthChannel:
         self.unit, self.sectors = sample.unit, len(sample.sectors)
         self.state = _ChannelState()
         self.passes = {name: _Sums(self.sectors) for name in PASSES}
-        self.recent: collections.deque[_Placed] = collections.deque()
+        self.recent: collections.deque[_RecentSample] = collections.deque()
         self.final_ns = _NEVER_NS
 
     def take_back(self, after_ns: int) -> list[LogSample]:
@@ -500,7 +500,7 @@ class DepthLog:
             for (which, index), steps in shares.items()
         ]
         state.unplaced += not sums
-        channel.recent.append(_Placed(sample, before, sums))
+        channel.recent.append(_RecentSample(sample, before, sums))
 
     def _bit(self, stamp_ns: int) -> tuple[float, float] | None:
         """

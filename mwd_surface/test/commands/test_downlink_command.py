@@ -28,7 +28,7 @@ class Client:
 def run(monkeypatch, words, history, later=(), silences=0):
     client = Client(list(history), list(later), silences)
     monkeypatch.setattr(downlink, "visit", lambda _: contextlib.nullcontext(client))
-    return CliRunner().invoke(downlink.app, words.split())
+    return CliRunner().invoke(downlink.downlink, words.split())
 
 
 @pytest.mark.parametrize(("end", "status"), [("confirmed", 0), ("unconfirmed", 1), ("denied", 1)])
