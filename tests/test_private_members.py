@@ -17,10 +17,10 @@ def is_private(name):
     return name.startswith("_") and not name.startswith("__") and name.strip("_") != "" and name not in PUBLIC
 
 
-def defined(tree):
-    """Return the names that a module or class defines, those of instances included."""
+def defined(nodes):
+    """Return the names that the nodes of a module or class define, those of instances included."""
     found = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             found.add(node.name)
         elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
@@ -36,7 +36,7 @@ def is_self(node):
 
 def inherited(node, classes, seen=()):
     """Return what a class and those of ours that it inherits from define."""
-    names = defined(node)
+    names = defined(ast.walk(node))
     for base in node.bases:
         name = ast.unparse(base).partition("[")[0].rpartition(".")[2]
         if name in classes and name not in seen:
@@ -45,9 +45,9 @@ def inherited(node, classes, seen=()):
     return names
 
 
-def uses(tree, ours, classes):
+def uses(nodes, ours, classes):
     """Yield every use of a private name that is not ours, as (line, text)."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.ClassDef):
             own = inherited(node, classes)
             attributes = [one for one in ast.walk(node) if isinstance(one, ast.Attribute) and is_self(one.value)]
@@ -61,21 +61,21 @@ def uses(tree, ours, classes):
             for name in [*node.module.split("."), *(alias.name for alias in node.names)]:
                 if is_private(name) and name not in ours:
                     yield node.lineno, ast.unparse(node)
-        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("getattr", "setattr", "hasattr"):
+        elif isinstance(node, ast.Call) and getattr(node.func, "id", None) in ("getattr", "setattr", "hasattr"):
             name = node.args[1]
             if isinstance(name, ast.Constant) and is_private(str(name.value)) and name.value not in ours:
                 yield node.lineno, ast.unparse(node)
 
 
 def found(sources):
-    trees = {name: ast.parse(text) for name, text in sources.items()}
-    ours = set().union(*map(defined, trees.values()))
+    modules = {name: list(ast.walk(ast.parse(text))) for name, text in sources.items()}
+    ours = set().union(*map(defined, modules.values()))
     classes = {}
-    for tree in trees.values():
-        for node in ast.walk(tree):
+    for nodes in modules.values():
+        for node in nodes:
             if isinstance(node, ast.ClassDef):
                 classes.setdefault(node.name, []).append(node)
-    return [f"{name}:{line}: {text}" for name, tree in trees.items() for line, text in uses(tree, ours, classes)]
+    return [f"{name}:{line}: {text}" for name, nodes in modules.items() for line, text in uses(nodes, ours, classes)]
 
 
 def test_no_private_member_of_a_library_is_used():

@@ -58,18 +58,25 @@ def test_the_words_of_commands_node_and_offset_wells_are_the_same():
     assert names <= {field.name for field in dataclasses.fields(PlanSettings)}
 
 
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    """A list, and the results of `mwd path` for it."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "own.csv").write_text(OWN)
+    assert run("path", folder / "own.csv", "-o", folder / "path").exit_code == 0
+    return folder / "own.csv", folder / "path"
+
+
 @pytest.mark.parametrize("name", [*LISTS, "plain"])
-def test_every_command_that_names_a_list_asks_and_takes_the_answer(name, tmp_path, monkeypatch):
+def test_every_command_that_names_a_list_asks_and_takes_the_answer(name, own, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text, words = LISTS.get(name, (OWN, {}))
     (tmp_path / "x.csv").write_text(text)
-    (tmp_path / "own.csv").write_text(OWN)
-    assert run("path", "own.csv", "-o", "own").exit_code == 0
     for command, option in (
         (("path", "x.csv", "-o", "a"), ""),
         (("forecast", "x.csv", "-o", "b", *FIELD), ""),
-        (("export", "own", "-f", "csv", "-o", "c.csv", "--plan", "x.csv"), "--plan-set"),
-        (("path", "own.csv", "-o", "d", "--against", "x.csv"), "--against-set"),
+        (("export", own[1], "-f", "csv", "-o", "c.csv", "--plan", "x.csv"), "--plan-set"),
+        (("path", own[0], "-o", "d", "--against", "x.csv"), "--against-set"),
     ):
         answered = run(*command, *said(words, option))
         if name in ("map", "far wellhead") and "--against" in command:
