@@ -121,14 +121,31 @@ def _probabilities(
 
 
 @compiled
-def _spread(phi: Array, S: Array, out: Array) -> None:
-    """Compute the innovation covariance at an angle: phi, shape (3,); S, shape (3, 3, 4, 4); out, shape (4, 4)."""
+def _packed(S: Array, out: Array) -> None:
+    """
+    Fill the coefficients of the innovation covariance by the products of the basis: S, shape (3, 3, 4, 4).
+
+    out, shape (4, 4, 6): its lower triangle is filled, by the products 00, 11, 22, 01, 02, 12.
+    """
     for a in range(4):
         for b in range(a + 1):
-            value = 0.0
             for i in range(3):
-                for j in range(3):
-                    value += phi[i] * phi[j] * S[i, j, a, b]
+                out[a, b, i] = S[i, i, a, b]
+            out[a, b, 3] = S[0, 1, a, b] + S[1, 0, a, b]
+            out[a, b, 4] = S[0, 2, a, b] + S[2, 0, a, b]
+            out[a, b, 5] = S[1, 2, a, b] + S[2, 1, a, b]
+
+
+# The kernels below index whole arrays: a view of one row for each point would take longer than the arithmetic.
+@compiled
+def _spread(phi: Array, n: int, packed: Array, size: int, out: Array) -> None:
+    """Compute the innovation covariance at angle n: phi, shape (n, 3); packed by `_packed`; out, shape (4, 4)."""
+    p, q, r = phi[n, 0], phi[n, 1], phi[n, 2]
+    p00, p11, p22, p01, p02, p12 = p * p, q * q, r * r, p * q, p * r, q * r
+    for a in range(size):
+        for b in range(a + 1):
+            value = p00 * packed[a, b, 0] + p11 * packed[a, b, 1] + p22 * packed[a, b, 2]
+            value += p01 * packed[a, b, 3] + p02 * packed[a, b, 4] + p12 * packed[a, b, 5]
             out[a, b] = out[b, a] = value
 
 
@@ -152,52 +169,58 @@ def fill_evidence(
     gyro's state (n, j). The function fills log (n, k, h + 1, j), as in `CircleEvidence.log`, and misfit (n, k).
     """
     prior, states = weights
-    s, e, x = np.zeros((4, 4)), np.zeros(4), np.zeros(3)
+    wrong, last = log.shape[3] - 1, len(extra) - 2
+    size = 4 if wrong > 0 else 3
+    packed, s, e = np.zeros((4, 4, 6)), np.zeros((4, 4)), np.zeros(4)
     # Highest log density so far. A gyro azimuth makes a density at most `_SHARP` higher than the field alone.
     best = -math.inf
     log[:] = -math.inf
-    wrong = log.shape[3] - 1
-    for n in range(len(phi)):
-        for k in range(len(r)):
-            misfit[n, k] = 1e300
-            _spread(phi[n], S[k], s)
-            for a in range(4):
+    for k in range(len(r)):
+        _packed(S[k], packed)
+        for n in range(len(phi)):
+            _spread(phi, n, packed, size, s)
+            for a in range(size):
                 e[a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
+            # With the variance x of an external field, the inverse of s + x is (x^2 + x (trace - s) + adjugate of s)
+            # divided by the characteristic polynomial, so that each external field costs a few products.
+            a, b, c, d, f, g = s[0, 0], s[1, 1], s[2, 2], s[0, 1], s[0, 2], s[1, 2]
+            i00, i01, i02 = b * c - g * g, f * g - d * c, d * g - f * b
+            i11, i12, i22 = a * c - f * f, d * f - a * g, a * b - d * d
+            trace, minors, det = a + b + c, i00 + i11 + i22, a * i00 + d * i01 + f * i02
+            e0, e1, e2 = e[0], e[1], e[2]
+            ee = e0 * e0 + e1 * e1 + e2 * e2
+            se = a * e0 * e0 + b * e1 * e1 + c * e2 * e2 + 2.0 * (d * e0 * e1 + f * e0 * e2 + g * e1 * e2)
+            ie = i00 * e0 * e0 + i11 * e1 * e1 + i22 * e2 * e2 + 2.0 * (i01 * e0 * e1 + i02 * e0 * e2 + i12 * e1 * e2)
+            te = trace * ee - se
+            x = extra[last]
+            misfit[n, k] = (x * (x * ee + te) + ie) / (x * (x * (x + trace) + minors) + det)
             # An external field can only increase the determinant of the innovation covariance.
-            least = 0.0
-            for h in range(len(extra) - 1):
-                a, b, c = s[0, 0] + extra[h], s[1, 1] + extra[h], s[2, 2] + extra[h]
-                d, f, g = s[0, 1], s[0, 2], s[1, 2]
-                i00, i01, i02 = b * c - g * g, f * g - d * c, d * g - f * b
-                i11, i12, i22 = a * c - f * f, d * f - a * g, a * b - d * d
-                det = a * i00 + d * i01 + f * i02
-                x[0] = (i00 * e[0] + i01 * e[1] + i02 * e[2]) / det
-                x[1] = (i01 * e[0] + i11 * e[1] + i12 * e[2]) / det
-                x[2] = (i02 * e[0] + i12 * e[1] + i22 * e[2]) / det
-                chi = x[0] * e[0] + x[1] * e[1] + x[2] * e[2]
-                misfit[n, k] = min(misfit[n, k], chi)
-                value = prior[k, h] - 0.5 * chi
-                if h > 0 and value - least < best - _SHARP - _NOTHING:
+            least = 0.5 * math.log(det)
+            for h in range(last + 1):
+                x = extra[h]
+                whole = x * (x * (x + trace) + minors) + det
+                value = prior[k, h] - 0.5 * (x * (x * ee + te) + ie) / whole
+                if value - least < best - _SHARP - _NOTHING:
                     continue
-                half = 0.5 * math.log(det)
-                if h == 0:
-                    least = half
-                value -= half
+                value -= least if h == 0 else 0.5 * math.log(whole)
                 if value < best - _SHARP - _NOTHING:
                     continue
                 log[n, k, h, wrong] = value + states[n, wrong]
                 best = max(best, log[n, k, h, wrong])
-                if wrong > 0:
-                    u, v, w = s[0, 3], s[1, 3], s[2, 3]
-                    off = gyro[n] + e[3] - (u * x[0] + v * x[1] + w * x[2])
-                    known = u * (i00 * u + i01 * v + i02 * w)
-                    known += v * (i01 * u + i11 * v + i12 * w) + w * (i02 * u + i12 * v + i22 * w)
-                    variance = max(s[3, 3] - known / det, 1e-12)
-                    for j in range(2):
-                        wide = variance + j * extra[-1]
-                        of_gyro = states[n, j] - 0.5 * (off * off / wide + math.log(wide * 6.283185307179586))
-                        log[n, k, h, j] = value + of_gyro
-                        best = max(best, log[n, k, h, j])
+                if wrong == 0:
+                    continue
+                # Residual and variance of the gyro, given the residual of the field.
+                u, v, w = s[0, 3], s[1, 3], s[2, 3]
+                y0 = x * (x * u + trace * u - a * u - d * v - f * w) + i00 * u + i01 * v + i02 * w
+                y1 = x * (x * v + trace * v - d * u - b * v - g * w) + i01 * u + i11 * v + i12 * w
+                y2 = x * (x * w + trace * w - f * u - g * v - c * w) + i02 * u + i12 * v + i22 * w
+                off = gyro[n] + e[3] - (y0 * e0 + y1 * e1 + y2 * e2) / whole
+                variance = max(s[3, 3] - (y0 * u + y1 * v + y2 * w) / whole, 1e-12)
+                for j in range(2):
+                    wide = variance + j * extra[-1]
+                    of_gyro = states[n, j] - 0.5 * (off * off / wide + math.log(wide * 6.283185307179586))
+                    log[n, k, h, j] = value + of_gyro
+                    best = max(best, log[n, k, h, j])
 
 
 @compiled
@@ -218,84 +241,158 @@ def gains(
     circle_of, basis (n, 3) and gyro residual (n,) of each angle; terms, r (k, 3, 4) and S (k, 3, 3, 4, 4) as in
     `fill_evidence`; extra (h + 1,), variances of each external field, uT^2, and of a step of the gyro, rad^2.
 
-    Outputs, which must be zero before: weight (k, 2); mean (k, 2, 12) of basis x inverse innovation; spread
-    (k, 2, 12, 12), the covariance of basis x inverse innovation minus the mean inverse. Index 0 of the second axis is
-    for points at which the gyro's bias did not step, index 1 for points at which it did.
+    Outputs, which must be zero before: weight (k, p); mean (k, p, 12) of basis x inverse innovation; spread
+    (k, p, 12, 12), the covariance of basis x inverse innovation minus the mean inverse. Index 0 of the second axis is
+    for points at which the gyro's bias did not step, index 1, only with a gyro, for points at which it did.
     """
     phi, gyro = circle_of
     r, S = terms
-    s, i, x = np.zeros((4, 4)), np.zeros((4, 4)), np.zeros((2, 4))
-    whole, first, second = np.zeros(2), np.zeros((2, 4)), np.zeros((2, 4, 4))
-    for n in range(len(phi)):
-        for k in range(len(r)):
-            if not share[n, k].max() > least[k]:
+    parts, size = weight.shape[1], 4 if share.shape[3] > 1 else 3
+    packed, s, i, x = np.zeros((4, 4, 6)), np.zeros((4, 4)), np.zeros((4, 4)), np.zeros((2, 4))
+    whole, first, second = np.zeros(parts), np.zeros((parts, 4)), np.zeros((parts, 4, 4))
+    products = np.zeros((parts, 4, 4, 6))
+    for k in range(len(r)):
+        _packed(S[k], packed)
+        products[:] = 0.0
+        for n in range(len(phi)):
+            if not _highest(share, n, k) > least[k]:
                 continue
-            _spread(phi[n], S[k], s)
-            for a in range(4):
+            _spread(phi, n, packed, size, s)
+            for a in range(size):
                 x[0, a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
             x[0, 3] += gyro[n]
-            _gains_at(share[n, k], least[k], extra, (s, i, x), (whole, first, second))
-            for c in range(2):
-                if not whole[c] > 0.0:
-                    continue
-                weight[k, c] += whole[c]
-                _add_angle(phi[n], first[c], second[c], mean[k, c], spread[k, c])
-    for k in range(len(r)):
-        for c in range(2):
+            _gains_at(share, n, k, least[k], extra, (s, i, x), (whole, first, second))
+            for c in range(parts):
+                if whole[c] > 0.0:
+                    weight[k, c] += whole[c]
+                    _add_angle(phi, n, c, (first, second), mean, k, products)
+        for c in range(parts):
             if weight[k, c] > 0.0:
                 mean[k, c] /= weight[k, c]
-                spread[k, c] /= weight[k, c]
+                products[c] /= weight[k, c]
                 for a in range(12):
                     for b in range(12):
-                        spread[k, c, a, b] -= mean[k, c, a] * mean[k, c, b]
+                        m, q, i_a, i_b = a // 4, b // 4, max(a % 4, b % 4), min(a % 4, b % 4)
+                        both = products[c, i_a, i_b, m if m == q else 2 + m + q]
+                        spread[k, c, a, b] = both - mean[k, c, a] * mean[k, c, b]
+
+
+@compiled
+def _highest(share: Array, n: int, k: int) -> float:
+    """Return the share of the most probable point of filter k at angle n."""
+    highest = 0.0
+    for h in range(share.shape[2]):
+        for j in range(share.shape[3]):
+            highest = max(highest, share[n, k, h, j])
+    return highest
 
 
 @compiled
 def _gains_at(
-    share: Array, least: float, extra: Array, work: tuple[Array, Array, Array], sums: tuple[Array, Array, Array]
+    share: Array,
+    n: int,
+    k: int,
+    least: float,
+    extra: Array,
+    work: tuple[Array, Array, Array],
+    sums: tuple[Array, Array, Array],
 ) -> None:
     """
-    Fill `sums`: weight (2,), first (2, 4) and second (2, 4, 4) moments of a filter's inverse innovations at an angle.
+    Fill `sums` with the moments of the inverse innovations of filter k at angle n.
 
-    share (h, j): shares of the points; least and extra: as in `gains`; work: innovation covariance (4, 4), space for
-    its inverse (4, 4), and the innovation in the first row of (2, 4).
+    sums: weight (p,), first (p, 4) and second (p, 4, 4) moment, of which only the lower triangle is filled. share,
+    least and extra: as in `gains`; work: innovation covariance (4, 4), space for its inverse (4, 4), and the innovation
+    in the first row of (2, 4).
     """
     s, i, x = work
     whole, first, second = sums
     whole[:], first[:], second[:] = 0.0, 0.0, 0.0
-    wrong = share.shape[1] - 1
-    for h in range(share.shape[0]):
-        for j in range(wrong + 1):
-            value = share[h, j]
+    wrong = share.shape[3] - 1
+    _add_field(share, n, k, least, extra, s, x, sums)
+    for h in range(share.shape[2]):
+        for j in range(wrong):
+            value = share[n, k, h, j]
             if value <= least:
                 continue
-            c = 1 if j == 1 else 0
-            _inverse(s, extra[h], extra[-1] if j == 1 else (OUT if j == wrong else 0.0), i)
-            whole[c] += value
+            _inverse(s, extra[h], j * extra[-1], i)
+            whole[j] += value
             for a in range(4):
                 x[1, a] = i[a, 0] * x[0, 0] + i[a, 1] * x[0, 1] + i[a, 2] * x[0, 2] + i[a, 3] * x[0, 3]
-                first[c, a] += value * x[1, a]
-            for a in range(4):
-                for b in range(4):
-                    second[c, a, b] += value * (x[1, a] * x[1, b] - i[a, b])
+                first[j, a] += value * x[1, a]
+                for b in range(a + 1):
+                    second[j, a, b] += value * (x[1, a] * x[1, b] - i[a, b])
 
 
 @compiled
-def _add_angle(phi: Array, first: Array, second: Array, mean: Array, spread: Array) -> None:
-    """
-    Add the weighted moments of the inverse innovation at one angle to the sums over all angles, in place.
-
-    phi (3,): basis at the angle; first (4,), second (4, 4): moments at the angle; mean (12,), spread (12, 12): sums of
-    the products of basis and inverse innovation.
-    """
+def _add_field(
+    share: Array,
+    n: int,
+    k: int,
+    least: float,
+    extra: Array,
+    s: Array,
+    x: Array,
+    sums: tuple[Array, Array, Array],
+) -> None:
+    """Add the points without a gyro, or with a wrong one, to `sums` of `_gains_at`: they use the field alone."""
+    whole, first, second = sums
+    wrong = share.shape[3] - 1
+    a, b, c, d, f, g = s[0, 0], s[1, 1], s[2, 2], s[0, 1], s[0, 2], s[1, 2]
+    i00, i01, i02 = b * c - g * g, f * g - d * c, d * g - f * b
+    i11, i12, i22 = a * c - f * f, d * f - a * g, a * b - d * d
+    trace, minors, det = a + b + c, i00 + i11 + i22, a * i00 + d * i01 + f * i02
+    # The inverse as in `fill_evidence`; its moments are polynomials of the variance of the external field.
+    v0, v1, v2, w0, w1, w2, w3, w4 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for h in range(share.shape[2]):
+        value, y = share[n, k, h, wrong], extra[h]
+        if value <= least:
+            continue
+        whole[0] += value
+        inverse = 1.0 / (y * (y * (y + trace) + minors) + det)
+        v, w = value * inverse, value * inverse * inverse
+        v0, v1, v2 = v0 + v, v1 + v * y, v2 + v * y * y
+        w0, w1, w2, w3, w4 = w0 + w, w1 + w * y, w2 + w * y**2, w3 + w * y**3, w4 + w * y**4
+    e0, e1, e2 = x[0, 0], x[0, 1], x[0, 2]
+    t0, t1, t2 = (b + c) * e0 - d * e1 - f * e2, (a + c) * e1 - d * e0 - g * e2, (a + b) * e2 - f * e0 - g * e1
+    z0, z1, z2 = i00 * e0 + i01 * e1 + i02 * e2, i01 * e0 + i11 * e1 + i12 * e2, i02 * e0 + i12 * e1 + i22 * e2
+    first[0, 0] += v2 * e0 + v1 * t0 + v0 * z0
+    first[0, 1] += v2 * e1 + v1 * t1 + v0 * z1
+    first[0, 2] += v2 * e2 + v1 * t2 + v0 * z2
+    E = (e0, e1, e2)
+    T = (t0, t1, t2)
+    Z = (z0, z1, z2)
+    S = ((a, d, f), (d, b, g), (f, g, c))
+    A = ((i00, i01, i02), (i01, i11, i12), (i02, i12, i22))
     for m in range(3):
-        for a in range(4):
-            mean[4 * m + a] += phi[m] * first[a]
-        for q in range(3):
-            both = phi[m] * phi[q]
-            for a in range(4):
-                for b in range(4):
-                    spread[4 * m + a, 4 * q + b] += both * second[a, b]
+        for q in range(m + 1):
+            found = w4 * E[m] * E[q] + w3 * (E[m] * T[q] + T[m] * E[q]) + w1 * (T[m] * Z[q] + Z[m] * T[q])
+            found += w2 * (E[m] * Z[q] + Z[m] * E[q] + T[m] * T[q]) + w0 * Z[m] * Z[q]
+            second[0, m, q] += found + v1 * S[m][q] - v0 * A[m][q]
+        second[0, m, m] -= v2 + v1 * trace
+
+
+@compiled
+def _add_angle(phi: Array, n: int, c: int, moments: tuple[Array, Array], mean: Array, k: int, products: Array) -> None:
+    """
+    Add the moments of the inverse innovation of filter k, part c, at angle n to the sums over all angles, in place.
+
+    moments: first (p, 4) and second (p, 4, 4) moments at the angle; mean (k, p, 12): sums of the products of basis and
+    first; products (p, 4, 4, 6): sums of second times the products of the basis, ordered as in `_packed`.
+    """
+    first, second = moments
+    p, q, r = phi[n, 0], phi[n, 1], phi[n, 2]
+    for a in range(4):
+        mean[k, c, a] += p * first[c, a]
+        mean[k, c, 4 + a] += q * first[c, a]
+        mean[k, c, 8 + a] += r * first[c, a]
+        for b in range(a + 1):
+            value = second[c, a, b]
+            products[c, a, b, 0] += p * p * value
+            products[c, a, b, 1] += q * q * value
+            products[c, a, b, 2] += r * r * value
+            products[c, a, b, 3] += p * q * value
+            products[c, a, b, 4] += p * r * value
+            products[c, a, b, 5] += q * r * value
 
 
 @compiled

@@ -45,6 +45,8 @@ _HOPELESS = 1e-6
 _GOES_ON = 0.5
 # Weight of the prior of the gyro and of external fields, as a number of stations.
 _BELIEVED = 20.0
+# Log weight, relative to the highest, below which a filter cannot get any probability at a station.
+_IMPOSSIBLE = -50.0
 # Log weight of a filter with zero probability.
 _NEVER = math.log(1e-300)
 # Probability above which a state of the gyro counts as the state at a station. Later stations use these counts.
@@ -88,7 +90,7 @@ class Predicted(CircleEvidence):
     """Evidence of a station, and the filters that predicted its readings; with both, the filters are updated."""
 
     branched: RunState  #: the filters, with a second one for each if the string may have changed
-    terms: tuple[Array, Array, Array]  #: residual, its covariance and P H' for all these filters
+    terms: tuple[Array, Array, Array]  #: residual, its covariance and P H' for the filters in use
 
 
 class RunFilter:
@@ -208,26 +210,30 @@ class RunFilter:
         self._join((weight / weight.sum())[:, None], mean[:, None], left[:, None])
 
     def evidence(self, one: Row, state: RunState | None = None) -> Predicted:
-        """Return the evidence of a station, a record of `field_model.GEOMETRY`, given the present state or `state`."""
+        """
+        Return the evidence of a station.
+
+        one: a record of `field_model.GEOMETRY`; state: the filters before the station, by default the present ones.
+        """
         state = self._branched(self.state if state is None else state)
-        terms = r, S, _ = self._terms(one, state)
-        angles, prior = circle.coarse(), self._log_prior(state)
-        every = np.arange(len(prior))
+        at = np.flatnonzero(state.log_weight > state.log_weight.max() + _IMPOSSIBLE)
+        terms = r, S, _ = self._terms(one, state.mean[at], state.covariance[at])
+        angles, prior = circle.coarse(), self._log_prior(state)[at]
         log, misfit = self._logs(one, r, S, state, angles, prior)
-        first = CircleEvidence(angles, log, every, len(prior))
+        first = CircleEvidence(angles, log, np.arange(len(at)), len(at))
         density = np.log(first.by_angle.sum(axis=1) + 1e-300)
         # Filters of negligible probability are left out. The coarse angles are among the fine ones.
-        at = np.flatnonzero(first.by_kind.sum(axis=1) >= _HOPELESS)
+        used = np.flatnonzero(first.by_kind.sum(axis=1) >= _HOPELESS)
         angles = circle.refined(density, float(one["gyro"]), float(one["gyro_other"]))
         is_coarse = circle.is_coarse(angles)
-        r, S, prior = r[at], S[at], prior[at]
-        fine, more = self._logs(one, r, S, state, angles[~is_coarse], prior)
+        terms, prior = (r[used], S[used], terms[2][used]), prior[used]
+        fine, more = self._logs(one, *terms[:2], state, angles[~is_coarse], prior)
         whole = np.empty((len(angles), *fine.shape[1:]))
-        whole[is_coarse], whole[~is_coarse] = log[:, at], fine
-        self._add_turned(one, (r, S), state, angles, prior, whole)
-        least = min(float(misfit[:, at].min()), float(more.min(initial=math.inf)))
+        whole[is_coarse], whole[~is_coarse] = log[:, used], fine
+        self._add_turned(one, terms[:2], state, angles, prior, whole)
+        least = min(float(misfit[:, used].min()), float(more.min(initial=math.inf)))
         least = least if one["has_field"] else 0.0
-        return Predicted(angles, whole, at, len(misfit[0]), least, branched=state, terms=terms)
+        return Predicted(angles, whole, at[used], len(state.mean), least, branched=state, terms=terms)
 
     def by_gyro_state(self, evidence: CircleEvidence) -> Array:
         """
@@ -248,35 +254,35 @@ class RunFilter:
         # Do not update a filter, or its second version, whose share of the probability of both is negligible.
         both = np.tile(of_branch.reshape(-1, len(state.mean)).sum(axis=0), len(of_branch) // len(state.mean))
         least = np.where(of_branch[at] > _LEAST * both[at], _LEAST * evidence.highest, math.inf)
-        gyro = gyro_residual(one, evidence.angles) if math.isfinite(one["gyro"]) else np.zeros(len(evidence.angles))
-        k, step = len(of_branch), gyro_step(one)
+        has_gyro, step = math.isfinite(one["gyro"]), gyro_step(one)
+        gyro = gyro_residual(one, evidence.angles) if has_gyro else np.zeros(len(evidence.angles))
+        # With a gyro, the points where its bias stepped are a second part of each filter.
+        k, parts = len(at), 2 if has_gyro else 1
         # A field turned about the vertical does not measure the shared errors: its extra variance has no limit.
         extra = np.array([*EXTERNAL_UT**2, OUT, step**2])
-        weight, moved, spread = np.zeros((k, 2)), np.zeros((k, 2, 12)), np.zeros((k, 2, 12, 12))
-        circle_of = field_model.basis(evidence.angles), gyro
-        of_used = weight[at], moved[at], spread[at]
-        gains(evidence.share, least, circle_of, (r[at], S[at]), extra, *of_used)
-        weight[at], moved[at], spread[at] = of_used
-        M = np.transpose(M, (0, 2, 1, 3)).reshape(k, SIZE, 12)
-        mean, covariance = np.repeat(branched.mean[:, None], 2, 1), np.repeat(branched.covariance[:, None], 2, 1)
-        M = np.repeat(M[:, None], 2, 1)
-        # At points where the gyro's bias stepped, the prior of this bias is wider.
-        covariance[:, 1, -1, -1] += (step / one["gyro_lasting"]) ** 2 if one["gyro_lasting"] > 0.0 else 0.0
-        M[:, 1, -1, 3] += step**2 / one["gyro_lasting"] if one["gyro_lasting"] > 0.0 else 0.0
-        mean += (M @ moved[..., None])[..., 0]
-        covariance += M @ spread @ np.swapaxes(M, 2, 3)
-        covariance = 0.5 * (covariance + np.swapaxes(covariance, 2, 3))
-        if math.isnan(one["gyro"]) and not branched.covariance[:, Shared.DECLINATION, Shared.GYRO].any():
+        weight, moved, spread = np.zeros((k, parts)), np.zeros((k, parts, 12)), np.zeros((k, parts, 12, 12))
+        gains(evidence.share, least, (field_model.basis(evidence.angles), gyro), (r, S), extra, weight, moved, spread)
+        mean, covariance = (np.repeat(whole[:, None], parts, 1) for whole in (branched.mean, branched.covariance))
+        M = np.repeat(np.transpose(M, (0, 2, 1, 3)).reshape(k, 1, SIZE, 12), parts, 1)
+        if has_gyro:
+            # At points where the gyro's bias stepped, the prior of this bias is wider.
+            covariance[:, 1, -1, -1] += (step / one["gyro_lasting"]) ** 2 if one["gyro_lasting"] > 0.0 else 0.0
+            M[:, 1, -1, 3] += step**2 / one["gyro_lasting"] if one["gyro_lasting"] > 0.0 else 0.0
+        mean[at] += (M @ moved[..., None])[..., 0]
+        change = M @ spread @ np.swapaxes(M, 2, 3)
+        covariance[at] += 0.5 * (change + np.swapaxes(change, 2, 3))
+        if not has_gyro and not branched.covariance[:, Shared.DECLINATION, Shared.GYRO].any():
             # No gyro azimuth has been used yet. Magnetometer readings depend on the magnetic azimuth only, so even many
             # stations contain no information on the declination. A linear filter would still reduce the sigma of the
             # declination, because it replaces a circle by tangents; so keep the declination as it was.
             mean[..., Shared.DECLINATION] = branched.mean[:, None, Shared.DECLINATION]
             covariance[..., Shared.DECLINATION] = branched.covariance[:, None, :, Shared.DECLINATION]
             covariance[:, :, Shared.DECLINATION] = branched.covariance[:, None, Shared.DECLINATION]
-        updated = weight.sum(axis=1, keepdims=True)
-        split = np.where(updated > 0.0, weight / np.maximum(updated, 1e-300), [1.0, 0.0])
+        split = np.eye(1, parts).repeat(len(of_branch), 0)
+        updated = weight.sum(axis=1)
+        split[at[updated > 0.0]] = (weight / np.maximum(updated, 1e-300)[:, None])[updated > 0.0]
         self._join(of_branch[:, None] * split, mean, covariance)
-        if math.isfinite(one["gyro"]):
+        if has_gyro:
             # A station at which no state of the gyro is probable enough is not counted.
             state.of_gyro = state.of_gyro + (self.by_gyro_state(evidence).sum(axis=0) > _DECIDED)
         state.outside = evidence.by_kind.sum(axis=0)
@@ -379,10 +385,14 @@ class RunFilter:
         slope = np.tensordot(np.array([0.0, -math.sin(angle), math.cos(angle)]), residual, axes=1)[:3]
         return min(1.0 / math.sqrt(float(slope @ np.linalg.solve(S, slope))), math.pi)
 
-    def _terms(self, one: Row, state: RunState) -> tuple[Array, Array, Array]:
-        """Return residual (k, 3, 4), its covariance (k, 3, 3, 4, 4) and P H' (k, 3, 23, 4) as factors of the basis."""
+    def _terms(self, one: Row, mean: Array, covariance: Array) -> tuple[Array, Array, Array]:
+        """
+        Return residual (k, 3, 4), its covariance (k, 3, 3, 4, 4) and P H' (k, 3, 23, 4) as factors of the basis.
+
+        mean (k, 23), covariance (k, 23, 23): the shared errors in each filter.
+        """
         residual, slopes, turns = field_model.expansion(one, self.sigma)
-        M = np.swapaxes(state.covariance @ slopes.reshape(12, SIZE).T, 1, 2).reshape(-1, 3, 4, SIZE)
+        M = np.swapaxes(covariance @ slopes.reshape(12, SIZE).T, 1, 2).reshape(-1, 3, 4, SIZE)
         S = np.einsum("iax,kjbx->kijab", slopes, M)
         own = slopes[:, :, _REFERENCE] * self._own
         S += np.einsum("iax,jbx->ijab", own, own)
@@ -390,7 +400,7 @@ class RunFilter:
         S[:, 0, 0, :3, :3] += one["noise"] if one["has_field"] else np.eye(3)
         S[:, 0, 0, 3, 3] += one["gyro_variance"] if math.isfinite(one["gyro"]) else 1.0
         S = 0.5 * (S + np.transpose(S, (0, 2, 1, 4, 3)))
-        return residual - np.einsum("iax,kx->kia", slopes, state.mean), S, np.swapaxes(M, 2, 3)
+        return residual - np.einsum("iax,kx->kia", slopes, mean), S, np.swapaxes(M, 2, 3)
 
     def _log_prior(self, state: RunState) -> Array:
         """Return the logarithms of the prior probabilities of each filter and external field, shape (k, h)."""
