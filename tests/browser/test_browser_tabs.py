@@ -105,16 +105,15 @@ def test_over_depth_the_tracks_stand_beside_slides_surveys_and_shaded_doubt(brow
         assert not browser.find_element(By.CSS_SELECTOR, ".charts").is_displayed()
 
 
-def test_the_system_tab_gives_rate_age_and_losses_of_each_stream(browser):
+def test_the_system_tab_gives_rate_and_age_of_each_stream(browser):
     with rig_on(browser) as rig:
         rig.state.on_stream("sonde", 300, time.monotonic() - 2.0)
-        rig.state.on_stream("sonde", 100, time.monotonic(), lost=7)
+        rig.state.on_stream("sonde", 100, time.monotonic())
         rig.push()
         tab(browser, "system")
         rows = "return [...document.querySelectorAll('#tab-system tbody tr')].map((r) => r.innerText)"
-        wait(browser, lambda: any("7" in row and "Sonde" in row for row in browser.execute_script(rows)))
-        (sonde,) = [row for row in browser.execute_script(rows) if "Sonde" in row]
-        assert re.search(r"Sonde\s+\S*\s*(live|STALE)\s+.*s\s+\d+(\.\d)?/s\s+7", sonde), sonde
+        shown = re.compile(r"Sonde\s+\S*\s*(live|STALE)\s+.*s\s+\d+(\.\d)?/s")
+        wait(browser, lambda: any(shown.search(row) for row in browser.execute_script(rows)))
 
 
 def test_the_system_tab_gives_clock_offset_age_and_depth_of_each_input(browser):

@@ -110,7 +110,7 @@ def test_ten_megabytes_without_an_end_stay_bounded_and_reading_goes_on(piece):
 @pytest.mark.fault_case(72)
 @given(data=st.binary(max_size=400), cut=st.integers(1, 50))
 def test_any_bytes_are_survived_and_a_good_frame_after_them_is_read(data, cut):
-    decoder = Decoder(max_frame_bytes=128)
+    decoder = Decoder()
     for at in range(0, len(data), cut):
         decoder.feed(data[at : at + cut])
     frames = decoder.feed(b"\n&&\r\n01087\r\n!!\r\n")
