@@ -5,7 +5,7 @@ Detect jumps in time: a data gap, a recording that loops or is wound back, a clo
 A stamp more than a second before or after the last one counts as a new time only when CONFIRMED stamps in a row advance
 from there. One stream, that of the conventional unit, is the leader. If the leader jumps forward, the estimate
 continues; the samples that confirm the jump are rejected, except the last. If the leader jumps back, the estimate
-restarts with exactly the samples that confirmed the jump.
+restarts with exactly the samples that confirmed the jump, and with the samples of other streams at this time.
 
 The other streams may jump earlier or later than the leader. Their samples of the new time wait until the leader reaches
 this time, even across further data gaps. Their samples of the old time are dropped after the leader has jumped. If a
@@ -116,9 +116,22 @@ class _Beside:
         """Whether the waiting samples confirm a new time that the leader has not reached yet."""
         return len(self.waiting) >= CONFIRMED
 
+    def is_at(self, stamp: int) -> bool:
+        """
+        Return whether the waiting samples belong to the new time of the leader, whose latest stamp, ns, is given.
+
+        The leader has confirmed this time, so samples near its stamp need no confirmation of their own.
+        """
+        near = bool(self.waiting) and abs(int(self.waiting[-1]["stamp_ns"][0]) - stamp) <= BACK_NS
+        return near or self.is_ahead
+
     def released(self) -> Samples:
-        """Remove and return the waiting samples; the stream continues from the last of them."""
-        samples, self.waiting, self.jump = np.concatenate(self.waiting), [], []
+        """
+        Remove and return the waiting samples; the stream continues from the last of them.
+
+        Samples whose stamps jump from the waiting ones wait from now on.
+        """
+        samples, self.waiting, self.jump = np.concatenate(self.waiting), self.jump, []
         stamps = samples["stamp_ns"]
         self.pace.begin(int(stamps.max()), int(stamps[-1] - stamps[-2]) if len(stamps) > 1 else None)
         return samples
@@ -178,7 +191,7 @@ class Clocks:
                 self.went_back.append((self._lead.last_ns, int(begun["stamp_ns"][0])))
                 self._lead.begin(stamp, stamp - int(begun["stamp_ns"][-2]))
                 self._pending, start = [], i + 1
-                self._behind = {name for name, other in self._others.items() if not other.is_ahead}
+                self._behind = {name for name, other in self._others.items() if not other.is_at(stamp)}
             elif forward:
                 own = samples.copy() if own is samples else own
                 own["stamp_ns"][i] = self._lead.last_ns
@@ -266,7 +279,8 @@ class Clocks:
 
     def release(self) -> dict[str, Samples]:
         """Remove and return, by stream, the samples that waited for the leader to jump back; call this after a jump."""
-        return {name: other.released() for name, other in self._others.items() if other.is_ahead}
+        at_hand = {name: other for name, other in self._others.items() if other.waiting and name not in self._behind}
+        return {name: other.released() for name, other in at_hand.items()}
 
 
 def _in_a_row(pending: list[Samples], sample: Samples) -> list[Samples]:

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mwd_estimation.core.time_jumps import Clocks
@@ -67,6 +67,19 @@ def test_a_stream_that_goes_back_first_waits_for_the_leader():
     assert len(second[0]) == 0
     assert seconds(clocks.release()["mag"]) == [20, 21, 22]
     assert seconds(clocks.beside("mag", samples(23, 24))) == [23, 24]
+
+
+@pytest.mark.parametrize("sent", range(6))
+def test_a_stream_of_which_some_samples_came_before_the_leader_went_back_loses_none(sent):
+    clocks, new = Clocks(), 20.0 + 0.1 * np.arange(10)
+    clocks.beside("mag", samples(100, 101))
+    clocks.lead(samples(100, 101))
+    assert seconds(clocks.beside("mag", samples(*new[:sent]))) == []
+    clocks.lead(samples(*new[:3]))
+    used = [stamp for block in clocks.release().values() for stamp in seconds(block)]
+    used += seconds(clocks.beside("mag", samples(*new[sent:])))
+    assert used == pytest.approx(new.tolist())
+    assert clocks.dropped == 0
 
 
 def test_what_a_stream_still_says_of_the_old_time_is_dropped():
@@ -148,6 +161,7 @@ def test_a_stream_whose_clock_was_wrong_for_a_while_is_used_as_soon_as_it_is_rig
     assert used[-1] == (599, right[-1])
 
 
+@example(gaps=[(38, 2.0), (5, 2.0)], block=50)
 @given(
     gaps=st.lists(st.tuples(st.integers(5, 60), st.floats(1.0, 500.0)), min_size=1, max_size=6),
     block=st.sampled_from([1, 7, 50, 1000]),

@@ -462,6 +462,21 @@ def test_time_that_goes_back_begins_the_estimate_anew_with_the_numbers_of_a_fres
         assert pipeline.counters.set_back == 1
 
 
+@pytest.mark.parametrize("late", [{0}, {700}, {1400}, {1402}, {1403}, {1400, 1401, 1402}])
+def test_a_magnetic_sample_that_comes_after_the_imu_sample_of_its_time_changes_nothing(late):
+    imu, mag = (np.concatenate([one, one]) for one in _samples(seconds=14.0))
+    attitude = []
+    for after in (set(), late):
+        pipeline, outputs = Pipeline(EstimatorSettings(), REFERENCE), []
+        for k in range(len(imu)):
+            first, second = (mag[:0], mag[k : k + 1]) if k in after else (mag[k : k + 1], mag[:0])
+            pipeline.push_mag(first)
+            outputs.append(pipeline.push_imu(imu[k : k + 1]))
+            pipeline.push_mag(second)
+        attitude.append(_joined(outputs, "attitude").tobytes())
+    assert attitude[0] == attitude[1]
+
+
 def test_gravity_that_a_smoother_followed_is_kept_where_time_goes_back():
     imu, mag = _samples(seconds=8.0)
     followed = gravity.method("bounded")
