@@ -354,6 +354,9 @@ class DepthLog:
             self._bottom = self._bottoms[-1] if at else -math.inf
             while self._left and self._left[-1].stamp_ns >= stamp_ns:
                 self._left.pop()
+            # Samples at the removed depths could not be placed again.
+            for channel in self._channels.values():
+                channel.make_final(channel.state.newest_ns + 1)
         self._adjust_bottom(stamp_ns, bit_depth)
         self._bottom = max(self._bottom, bit_depth)
         if not self._stamps or stamp_ns - self._stamps[-1] >= _DEPTHS_NS:

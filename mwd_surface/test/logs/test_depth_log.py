@@ -530,6 +530,18 @@ def test_a_log_with_a_short_history_of_depths_is_that_with_all():
     assert (short.unplaced, short.disordered) == ({"gamma": 1}, 1)
 
 
+def test_samples_at_depths_that_were_corrected_since_stay_where_a_late_sample_comes():
+    log = DepthLog()
+    for at in range(301):
+        log.add_depth(T0 + at * S, 1000.0 + 0.01 * at)
+    log.add(sample(float(at)) for at in range(10, 300, 10) if at != 150)
+    before = np.nansum(log.curve("gamma", ALL).counts)
+    log.add_depth(T0 + 100 * S, 900.0)
+    log.add([sample(90.0)])
+    assert np.nansum(log.curve("gamma", ALL).counts) == pytest.approx(before + 533.0)
+    assert not log.unplaced
+
+
 @pytest.mark.parametrize(("most", "late", "disordered"), [(1000, 1, 0), (1000, 60, 0), (1000, 61, 1), (20, 30, 1)])
 def test_a_log_keeps_only_the_samples_that_a_late_one_may_precede(monkeypatch, most, late, disordered):
     """No sample is lost; one that comes too late to be put in order is counted."""
