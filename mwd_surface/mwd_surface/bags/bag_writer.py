@@ -179,7 +179,7 @@ class BagWriter:
         if not about.schema:
             return self.topic(about.name, about.type_name, about.qos, about.type_hash, need_definition=False)
         schema = self._schema(about.type_name, about.schema_encoding, about.schema)
-        # A text that cannot be parsed is kept with the channel, and omitted from metadata.yaml, which does not need it.
+        # A text that cannot be parsed stays with the channel, but is not written into metadata.yaml.
         profiles = bag_metadata.qos_if_readable(about.qos)
         metadata = {"offered_qos_profiles": about.qos, "topic_type_hash": about.type_hash}
         return self._declare(about.name, schema, about.serialization, metadata, profiles)

@@ -139,7 +139,11 @@ def _packed(S: Array, out: Array) -> None:
 # The kernels below index whole arrays: a view of one row for each point would take longer than the arithmetic.
 @compiled
 def _spread(phi: Array, n: int, packed: Array, size: int, out: Array) -> None:
-    """Compute the innovation covariance at angle n: phi, shape (n, 3); packed by `_packed`; out, shape (4, 4)."""
+    """
+    Compute the covariance of the innovation at one angle.
+
+    phi, shape (m, 3): basis of all angles; n: index of the angle; packed: coefficients from `_packed`; out (4, 4).
+    """
     p, q, r = phi[n, 0], phi[n, 1], phi[n, 2]
     p00, p11, p22, p01, p02, p12 = p * p, q * q, r * r, p * q, p * r, q * r
     for a in range(size):
@@ -279,7 +283,7 @@ def gains(
 
 @compiled
 def _highest(share: Array, n: int, k: int) -> float:
-    """Return the share of the most probable point of filter k at angle n."""
+    """Return the largest probability in `share` of filter k at angle n, over all external fields and gyro states."""
     highest = 0.0
     for h in range(share.shape[2]):
         for j in range(share.shape[3]):
@@ -341,7 +345,7 @@ def _add_field(
     i00, i01, i02 = b * c - g * g, f * g - d * c, d * g - f * b
     i11, i12, i22 = a * c - f * f, d * f - a * g, a * b - d * d
     trace, minors, det = a + b + c, i00 + i11 + i22, a * i00 + d * i01 + f * i02
-    # The inverse as in `fill_evidence`; its moments are polynomials of the variance of the external field.
+    # The inverse covariance is that of `fill_evidence`: a ratio of polynomials of the variance of the external field.
     v0, v1, v2, w0, w1, w2, w3, w4 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for h in range(share.shape[2]):
         value, y = share[n, k, h, wrong], extra[h]
@@ -374,7 +378,7 @@ def _add_field(
 @compiled
 def _add_angle(phi: Array, n: int, c: int, moments: tuple[Array, Array], mean: Array, k: int, products: Array) -> None:
     """
-    Add the moments of the inverse innovation of filter k, part c, at angle n to the sums over all angles, in place.
+    Add the moments of the weighted innovation at angle n to the sums of filter k over all angles, in place.
 
     moments: first (p, 4) and second (p, 4, 4) moments at the angle; mean (k, p, 12): sums of the products of basis and
     first; products (p, 4, 4, 6): sums of second times the products of the basis, ordered as in `_packed`.

@@ -45,7 +45,7 @@ _HOPELESS = 1e-6
 _GOES_ON = 0.5
 # Weight of the prior of the gyro and of external fields, as a number of stations.
 _BELIEVED = 20.0
-# Log weight, relative to the highest, below which a filter cannot get any probability at a station.
+# Log weight, relative to the highest one, below which a filter is left out of the evidence of a station.
 _IMPOSSIBLE = -50.0
 # Log weight of a filter with zero probability.
 _NEVER = math.log(1e-300)

@@ -125,7 +125,7 @@ class OpcuaAccess:
         """
         Return the user of a session from the certificate of its channel; None refuses the session.
 
-        This is the method of a user manager of asyncua; names and passwords are not supported.
+        asyncua calls this method of its user manager. A session with a name or a password is refused.
 
         asyncua calls this function once for each activation of a session, so the name of the user identifies session
         and certificate.

@@ -102,7 +102,7 @@ def checked_text(text: str) -> str:
 
 
 def plain_text(text: str) -> str:
-    """Return a name in a form allowed in a frame: non-ASCII as `?`, without frame marks, cut to 16 characters."""
+    """Return a name as WITS allows it: `?` for non-ASCII letters, no `&&` or `!!`, at most 16 characters."""
     shown = "".join(c if " " <= c <= "~" else "?" for c in text)
     return shown.replace("&&", "&").replace("!!", "!").replace("&&", "&").replace("!!", "!").strip()[:16]
 
