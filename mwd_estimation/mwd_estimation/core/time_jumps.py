@@ -118,9 +118,9 @@ class _Beside:
 
     def is_at(self, stamp: int) -> bool:
         """
-        Return whether the waiting samples belong to the new time of the leader, whose latest stamp, ns, is given.
+        Return whether the waiting samples confirm a new time, or are near the leader, whose latest stamp, ns, is given.
 
-        The leader has confirmed this time, so samples near its stamp need no confirmation of their own.
+        The leader has confirmed its time, so samples near its stamp need no confirmation of their own.
         """
         near = bool(self.waiting) and abs(int(self.waiting[-1]["stamp_ns"][0]) - stamp) <= BACK_NS
         return near or self.is_ahead
@@ -222,11 +222,15 @@ class Clocks:
             other.waiting = []
             pace.begin(stamp)
             return sample
-        if not other.is_ahead and pace.follows(stamp):
-            # Either the waiting stamps were wrong, or there was no jump at all.
+        follows = pace.follows(stamp)
+        if not other.is_ahead and (follows or abs(stamp - self._lead.last_ns) <= BACK_NS):
+            # There was no jump, or the leader has confirmed it already; so the stamps of waiting samples were wrong.
             self.dropped += len(other.waiting)
             other.waiting = []
-            pace.take(stamp)
+            if follows:
+                pace.take(stamp)
+            else:
+                pace.begin(stamp)
             return sample
         if not other.is_ahead:
             before = len(other.waiting)
@@ -265,7 +269,7 @@ class Clocks:
         """
         found = {}
         for name, other in self._others.items():
-            if not other.is_ahead:
+            if not other.is_at(self._lead.last_ns):
                 continue
             newest = int(other.waiting[-1]["stamp_ns"][0])
             if before_ns - BACK_NS < newest and other.first_ns <= self._lead.last_ns + BACK_NS:

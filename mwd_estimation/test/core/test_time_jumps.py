@@ -69,14 +69,18 @@ def test_a_stream_that_goes_back_first_waits_for_the_leader():
     assert seconds(clocks.beside("mag", samples(23, 24))) == [23, 24]
 
 
+@pytest.mark.parametrize("begin", [20.0, 110.0])
 @pytest.mark.parametrize("sent", range(6))
-def test_a_stream_of_which_some_samples_came_before_the_leader_went_back_loses_none(sent):
-    clocks, new = Clocks(), 20.0 + 0.1 * np.arange(10)
+def test_a_stream_of_which_some_samples_came_before_the_leader_jumped_loses_none_and_is_used_at_once(sent, begin):
+    clocks, new = Clocks(), begin + 0.1 * np.arange(10)
     clocks.beside("mag", samples(100, 101))
     clocks.lead(samples(100, 101))
     assert seconds(clocks.beside("mag", samples(*new[:sent]))) == []
-    clocks.lead(samples(*new[:3]))
-    used = [stamp for block in clocks.release().values() for stamp in seconds(block)]
+    before_ns = clocks.lead_ns
+    (_, went_back), *_ = clocks.lead(samples(*new[:3]))
+    released = clocks.reached(before_ns) if went_back is None else clocks.release()
+    used = [stamp for block in released.values() for stamp in seconds(block)]
+    assert len(used) == sent
     used += seconds(clocks.beside("mag", samples(*new[sent:])))
     assert used == pytest.approx(new.tolist())
     assert clocks.dropped == 0

@@ -463,8 +463,12 @@ def test_time_that_goes_back_begins_the_estimate_anew_with_the_numbers_of_a_fres
 
 
 @pytest.mark.parametrize("late", [{0}, {700}, {1400}, {1402}, {1403}, {1400, 1401, 1402}])
-def test_a_magnetic_sample_that_comes_after_the_imu_sample_of_its_time_changes_nothing(late):
+@pytest.mark.parametrize("jump_s", [0.0, 14.0 + 1.1, 14.0 + 600.0])
+def test_a_magnetic_sample_that_comes_after_the_imu_sample_of_its_time_changes_nothing(late, jump_s):
+    """The same samples come twice; the second time begins `jump_s` after the first: time goes back or has a gap."""
     imu, mag = (np.concatenate([one, one]) for one in _samples(seconds=14.0))
+    for samples in (imu, mag):
+        samples["stamp_ns"][1400:] += int(jump_s * 1e9)
     attitude = []
     for after in (set(), late):
         pipeline, outputs = Pipeline(EstimatorSettings(), REFERENCE), []
