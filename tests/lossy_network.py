@@ -17,30 +17,12 @@ import numpy as np
 from mwd_surface.runs import launch_plan
 
 SOURCE = Path(__file__).with_name("lossy_network.c")
-# UDP on the loopback alone: the middleware's own range LOCALHOST adds shared memory, which goes around the network.
-PROFILE = """<?xml version="1.0" encoding="UTF-8" ?>
-<dds xmlns="http://www.eprosima.com">
-  <profiles>
-    <transport_descriptors>
-      <transport_descriptor>
-        <transport_id>udp</transport_id>
-        <type>UDPv4</type>
-        <interfaceWhiteList>
-          <address>127.0.0.1</address>
-        </interfaceWhiteList>
-      </transport_descriptor>
-    </transport_descriptors>
-    <participant profile_name="lossy" is_default_profile="true">
-      <rtps>
-        <userTransports>
-          <transport_id>udp</transport_id>
-        </userTransports>
-        <useBuiltinTransports>false</useBuiltinTransports>
-      </rtps>
-    </participant>
-  </profiles>
-</dds>
-"""
+# The project's own profile, on the loopback alone. The middleware's range LOCALHOST would add shared memory, which goes
+# around the network.
+PROFILE = launch_plan.MIDDLEWARE.read_text(encoding="utf-8").replace(
+    "<type>UDPv4</type>",
+    "<type>UDPv4</type><interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>",
+)
 _MILLION = 1_000_000
 _LOSS, _DELAY, _COUNTS = 0, 1, slice(2, 5)
 
