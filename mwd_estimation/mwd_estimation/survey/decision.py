@@ -277,7 +277,8 @@ def _by_the_run(
 ) -> dict[int, DecidedSurvey]:
     """Return the newest surveys by number: as published, or as revised with all other stations of the run."""
     stations, before = with_last_readings([one for _, (one, _) in taken]), [found for _, (_, found) in taken]
-    again = zip((number for number, _ in taken), stations, findings(stations, before, settings, newest), strict=True)
+    _, found = findings(stations, settings, before, newest)
+    again = zip((number for number, _ in taken), stations, found, strict=True)
     now, revised = dict[int, DecidedSurvey](), set[int]()
     for number, one, finding in list(again)[-newest:]:
         if number not in published:

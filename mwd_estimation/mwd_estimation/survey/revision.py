@@ -2,20 +2,17 @@
 """
 Revise every station of a run with all other stations, including later ones and later gyro azimuths.
 
-For each station, the run model is updated with the other stations in order from far to near, because the string may
-have changed at some station. Each reading is used once. A north seek counts as one reading for all its surveys: the
-seek continues while the tool is turned in place, so its last result is valid for all of them. The run is divided in
-halves recursively, so that n stations need about n log2(n) steps.
+A model of the run learns the stations from the first to the last, another one from the last to the first. At each
+station, the two are combined: what they know of the errors that all stations share, without this station. Each reading
+is used once. A north seek counts as one reading for all its surveys: the seek continues while the tool is turned in
+place, so its last result is valid for all of them.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
-import threading
 from collections.abc import Callable, Sequence
-from concurrent import futures
 
 from mwd_estimation.core.verdicts import MOVED
 from mwd_estimation.survey.finding import Finding
@@ -27,39 +24,68 @@ from mwd_estimation.survey.station_settings import StationSettings
 
 # A station with a larger probability of an external field is an outlier of its run.
 _OUTLIER = 0.5
-# A run is divided between two stations if the hazard of a change of the string between them is above this; without such
-# a pair, the run is divided in the middle.
-_GAP = 0.1
+# Number of seeks before which the model is kept at a time: with a gyro, some 50 MB.
+_BLOCK = 320
 
 
 def findings(
     taken: Sequence[Taken],
-    first: Sequence[Finding | None],
     settings: StationSettings,
+    first: Sequence[Finding | None] | None = None,
     newest: int | None = None,
-    progress: Callable[[int], None] | None = None,
-    threads: int = 1,
-) -> list[Finding | None]:
+    progress: Callable[[float], None] | None = None,
+) -> tuple[list[Finding | None], list[Finding | None]]:
     """
-    Return the finding of each station of a run, computed with all other stations of the run.
+    Return the findings of the stations of a run: when they were taken, and computed with all other stations.
 
-    first: finding of each station when it was taken. Stations with repeated readings keep this finding, and are not
-    used for other stations.
+    Stations with repeated readings keep their first finding, and are not used for other stations.
+
+    first: findings of the stations when they were taken; None: compute them here, for a run without a gyro.
     newest: number of the last stations to compute again; the stations before keep their finding. None: all stations.
-    progress: called after each seek with its number of stations, from any thread, one call at a time.
-    threads: number of threads, without influence on the result.
+    progress: called several times, each time with the number of stations that are newly done, which may be a fraction.
     """
-    found, begin = dict(enumerate(first)), 0 if newest is None else max(len(taken) - newest, 0)
-    repeated = {k for k, one in found.items() if one is not None and one.repeats is not None}
+    known = dict(enumerate(first or ()))
+    begin = 0 if newest is None else max(len(taken) - newest, 0)
+    progress = progress or (lambda _done: None)
     dated = _in_any_order(with_last_readings(taken), settings)
-    new = {k: one for k, one in enumerate(dated) if k not in repeated}
-    seeks, model = _seeks(new), RunModel(settings)
-    for seek in seeks:
-        if max(seek) < begin:
-            _learn(model, seek)
-    work = _Work(found, progress or (lambda _done: None), threading.Lock())
-    _without_each(model, [seek for seek in seeks if max(seek) >= begin], work, threads)
-    return list(found.values())
+    seeks = _seeks({k: one for k, one in enumerate(dated) if not _is_repeated(known.get(k))})
+
+    def learn(model: RunModel, seek: dict[int, Taken]) -> None:
+        for k, one in seek.items():
+            if k in known:
+                model.learn(one)
+            else:
+                known[k] = model.take(one)
+                progress(0.5)
+
+    # The models before the stations are kept for one block at a time, because they need much memory.
+    model, starts = RunModel(settings), [RunModel(settings)]
+    for k, seek in enumerate(seeks[: (len(seeks) - 1) // _BLOCK * _BLOCK], 1):
+        learn(model, seek)
+        if k % _BLOCK == 0:
+            starts.append(model.copy())
+    found, later = dict[int, Finding | None](), RunModel(settings)
+    turning = next((one.turning for one in reversed(dated) if one.turning is not None), None)
+    for block in reversed(range(len(starts))):
+        model, before = starts[block], list[tuple[dict[int, Taken], RunModel]]()
+        for seek in seeks[block * _BLOCK : (block + 1) * _BLOCK]:
+            if max(seek) >= begin:
+                before.append((seek, model.at(next(iter(seek.values())), turning)))
+            learn(model, seek)
+        for seek, model in reversed(before):
+            if any(_is_repeated(known[k]) for k in seek):
+                continue
+            found |= _of_seek(model.between(later, next(iter(seek.values()))), seek)
+            # The turning string counts once, in the models of the stations before.
+            for one in seek.values():
+                later.learn(one._replace(turning=None))
+            progress(0.5 * len(seek))
+    was = [known[k] for k in range(len(taken))]
+    return was, [found.get(k, one) for k, one in enumerate(was)]
+
+
+def _is_repeated(finding: Finding | None) -> bool:
+    return finding is not None and finding.repeats is not None
 
 
 def with_last_readings(taken: Sequence[Taken]) -> list[Taken]:
@@ -120,74 +146,20 @@ def _seeks(taken: dict[int, Taken]) -> list[dict[int, Taken]]:
     return list(groups.values())
 
 
-def _learn(model: RunModel, seek: dict[int, Taken]) -> None:
-    for one in seek.values():
-        model.learn(one)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Work:
-    """Findings of the stations so far, with a lock, because several threads add to them."""
-
-    found: dict[int, Finding | None]
-    progress: Callable[[int], None]
-    lock: threading.Lock
-
-    def keep(self, found: dict[int, Finding | None]) -> None:
-        with self.lock:
-            self.found.update(found)
-            self.progress(len(found))
-
-
-def _without_each(model: RunModel, seeks: list[dict[int, Taken]], work: _Work, threads: int) -> None:
-    """Compute the findings of the stations of these seeks; model: run model that has learned all other stations."""
-    if not seeks:
-        return
-    if len(seeks) == 1:
-        work.keep(_of_seek(model, seeks[0]))
-        return
-    middle = _divided(seeks)
-    before, after = seeks[:middle], seeks[middle:]
-
-    def judge(mine: list[dict[int, Taken]], others: list[dict[int, Taken]], threads: int) -> None:
-        aware = model.copy()
-        for seek in others:
-            _learn(aware, seek)
-        _without_each(aware, mine, work, threads)
-
-    # The halves do not depend on each other, and the kernels release the interpreter lock.
-    if threads < 2:
-        judge(before, after[::-1], 1)
-        judge(after, before, 1)
-        return
-    with futures.ThreadPoolExecutor(1) as other:
-        second = other.submit(judge, after, before, threads // 2)
-        judge(before, after[::-1], threads - threads // 2)
-        second.result()
-
-
-def _divided(seeks: list[dict[int, Taken]]) -> int:
-    """
-    Return the index at which to divide the seeks.
-
-    The run is divided at the gap nearest the middle in which the string may have changed. Without such a gap, it is
-    divided in the middle.
-    """
-    hazards = [next(iter(seek.values())).hazard for seek in seeks]
-    gaps = [k for k in range(1, len(seeks)) if hazards[k] - hazards[k - 1] > _GAP]
-    return min(gaps, key=lambda k: abs(2 * k - len(seeks)), default=len(seeks) // 2)
-
-
 def _of_seek(model: RunModel, seek: dict[int, Taken]) -> dict[int, Finding | None]:
     """
     Return the findings of the stations of one seek by index; None where no sensor measures the azimuth.
 
     Each finding uses the fields of the other stations of the seek, not their gyro azimuths.
     """
+    if len(seek) > 1:
+        model.merge()
     fields = {k: one._replace(gyro=None) for k, one in seek.items()}
     found = {}
     for k, one in seek.items():
         aware = model.copy()
-        _learn(aware, {other: field for other, field in fields.items() if other != k})
+        for other, field in fields.items():
+            if other != k:
+                aware.learn(field)
         found[k] = aware.take(one, learn=False)
     return found

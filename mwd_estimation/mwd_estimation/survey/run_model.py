@@ -112,12 +112,12 @@ class RunModel:
         self._aged: tuple[float, float] | None = None
 
     def copy(self) -> RunModel:
-        """Return an independent copy."""
+        """Return an independent copy; of the attitudes and readings of earlier stations, it knows the last attitude."""
         other = copy.copy(self)
         if self._filter is not None:
             other._filter = copy.copy(self._filter)
             other._filter.state = self._filter.state.copy()
-        other._seen, other._lay, other._told = dict(self._seen), list(self._lay), dict(self._told)
+        other._seen, other._lay, other._told = {}, self._lay[-1:], dict(self._told)
         return other
 
     def take(self, taken: Taken, *, learn: bool = True) -> Finding | None:
@@ -129,6 +129,42 @@ class RunModel:
         read = self._read(taken, learn)
         return None if read is None else self._finding(read)
 
+    def at(self, taken: Taken, turning: Turning | None = None) -> RunModel:
+        """
+        Return a copy of the model at the time of a station; if the tool is still at the last station, without this.
+
+        taken: the station, with hazard and age; turning: last estimates of the run from the turning string.
+        """
+        other, one = self.copy(), self._record_of(taken)
+        if one is None:
+            return other
+        model, place = other._model(taken.measured), other._lay_before(one)
+        if other._last is not None and place is not None and place == len(other._lay) - 1:
+            model.state = other._last.before.copy()
+        other._pass_time(model, taken, one)
+        if turning is not None:
+            other._take_turning(model, turning)
+        other._last = None
+        return other
+
+    def between(self, later: RunModel, taken: Taken) -> RunModel:
+        """
+        Return the model at a station from the stations before it and after it.
+
+        This model, from `at`, has learned the stations before; `later` has learned the stations after in reverse order.
+        taken: the station, with hazard and age.
+        """
+        other, after = self.copy(), later.at(taken)
+        if other._filter is not None and after._filter is not None:
+            other._filter.state = other._filter.between(after._filter)
+        other._agreed |= after._agreed
+        return other
+
+    def merge(self) -> None:
+        """Prepare a model from `between` for stations at other times than its own."""
+        if self._filter is not None:
+            self._filter.merge()
+
     def learn(self, taken: Taken) -> None:
         """Use a station for the later stations, without a finding about its own azimuth."""
         self._read(taken, learn=True)
@@ -139,24 +175,21 @@ class RunModel:
 
         The time of the model advances to the station. learn: whether the model then learns from the station.
         """
-        measured, hours, gyro, turning, hazard, age = taken
-        readings, station = measured.readings, measured.station
-        if readings is None:
+        one = self._record_of(taken)
+        if one is None:
             return None
-        one = self._record(readings, measured, gyro)
-        if not (one["has_field"] or math.isfinite(one["gyro"])):
-            return None
+        measured, gyro, turning = taken.measured, taken.gyro, taken.turning
         model = self._model(measured)
         began_ns = None if gyro is None else gyro.began_ns
         place, seek = self._lay_before(one), self._back_in_seek(model, began_ns)
         # If the tool has not moved since the last station, the station gives no information on lasting errors: use the
         # state before the last station.
         again = place is not None and place == len(self._lay) - 1
-        age, seek_of_gyro = self._age_at(hours, one, goes_on=seek is not None) if math.isnan(age) else age, None
-        if math.isfinite(one["gyro"]):
-            model.expect_gyro()
-            seek_of_gyro = age, float(one["gyro_lasting"])
-        model.pass_time(hours, self._hazard_at(hours) if math.isnan(hazard) else hazard, seek_of_gyro)
+        if math.isnan(taken.age):
+            taken = taken._replace(age=self._age_at(taken.hours, one, goes_on=seek is not None))
+        if math.isnan(taken.hazard):
+            taken = taken._replace(hazard=self._hazard_at(taken.hours))
+        self._pass_time(model, taken, one)
         if turning is not None:
             self._take_turning(model, turning)
         if seek is not None:
@@ -177,7 +210,17 @@ class RunModel:
             outside = model.probabilities(evidence.by_kind)[Hypothesis.EXTERNAL]
             right = float(model.by_gyro_state(evidence)[:, 0].sum())
             self._agreed |= right > 1.0 - _AGREES and outside < _AGREES
-        return _Read(model, one, evidence, doubts, station.north_correction - self._north(measured), repeats, agreed)
+        turn = measured.station.north_correction - self._north(measured)
+        return _Read(model, one, evidence, doubts, turn, repeats, agreed)
+
+    @staticmethod
+    def _pass_time(model: RunFilter, taken: Taken, one: Row) -> None:
+        """Predict the filters at the time of a station, which has a hazard and an age."""
+        gyro = None
+        if math.isfinite(one["gyro"]):
+            model.expect_gyro()
+            gyro = taken.age, float(one["gyro_lasting"])
+        model.pass_time(taken.hours, taken.hazard, gyro)
 
     def _hazard_at(self, hours: float) -> float:
         """
@@ -228,6 +271,12 @@ class RunModel:
         if measured.station.north == "magnetic" or reference is None or reference.declination is None:
             return 0.0
         return reference.declination
+
+    def _record_of(self, taken: Taken) -> Row | None:
+        """Return the record of a station; None if no sensor measures the azimuth."""
+        readings = taken.measured.readings
+        one = None if readings is None else self._record(readings, taken.measured, taken.gyro)
+        return one if one is not None and (one["has_field"] or math.isfinite(one["gyro"])) else None
 
     def _record(self, readings: StationReadings, measured: Measured, gyro: Solution | None) -> Row:
         station, reference = measured.station, measured.station.reference

@@ -12,6 +12,7 @@ import pytest
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gyrocompass.solution import Solution
+from mwd_estimation.survey import revision
 from mwd_estimation.survey.measurement import measured
 from mwd_estimation.survey.posterior.field_model import Shared
 from mwd_estimation.survey.revision import findings
@@ -46,7 +47,7 @@ def revised(taken):
     model = RunModel(SETTINGS)
     return [
         (judged(one.measured, found, SETTINGS), found)
-        for one, found in zip(taken, findings(taken, [model.take(one) for one in taken], SETTINGS), strict=True)
+        for one, found in zip(taken, findings(taken, SETTINGS, [model.take(one) for one in taken])[1], strict=True)
     ]
 
 
@@ -153,18 +154,50 @@ def test_a_seek_without_a_beginning_is_that_of_its_station_alone():
         assert one.sigma_azimuth == other.sigma_azimuth
 
 
-@pytest.mark.slow(3)
-def test_the_number_of_threads_changes_nothing_and_every_station_is_counted():
+@pytest.mark.slow(2)
+def test_the_number_of_stations_kept_at_a_time_changes_nothing_and_every_station_is_counted(monkeypatch):
     rng = np.random.default_rng(2)
     taken = [station(0.5 + 0.1 * k, 2.0 * k, None, noise=3e-8 * rng.standard_normal(3)) for k in range(5)]
-    first = live(taken)
-    runs, counts = [], []
-    for threads in (1, 2, 8):
-        done: list[int] = []
-        found = findings(taken, [one for _, one in first], SETTINGS, progress=done.append, threads=threads)
-        runs.append([one.density for one in found])
-        counts.append(sum(done))
+    first, runs = [found for _, found in live(taken)], []
+    for block in (320, 5, 2, 1):
+        monkeypatch.setattr(revision, "_BLOCK", block)
+        for known in (None, first):
+            done: list[float] = []
+            was, found = findings(taken, SETTINGS, known, progress=done.append)
+            runs.append([one.density for one in (*was, *found)])
+            assert known is not None or sum(done) == 5
     for densities in runs[1:]:
         for one, other in zip(runs[0], densities, strict=True):
-            np.testing.assert_array_equal(one, other)
-    assert counts == [5, 5, 5]
+            np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
+@pytest.mark.slow(5)
+@pytest.mark.parametrize("sigma", [None, 0.02, 0.1])
+def test_a_revision_is_that_of_a_model_that_has_learned_all_other_stations(sigma):
+    """Sigma: of the gyro, rad; None: no gyro."""
+    rng = np.random.default_rng(8)
+    taken = []
+    for k in range(7):
+        north = None if sigma is None else seek(k, AZIMUTH + sigma * rng.standard_normal(), sigma)
+        noise = np.array([6e-7, 0.0, 0.0]) + 3e-8 * rng.standard_normal(3)
+        taken.append(station(0.5 + 0.1 * k, 2.0 * k, north, noise=noise)._replace(hours=0.5 * k))
+    for k, (_, found) in enumerate(revised(taken)):
+        model = RunModel(SETTINGS)
+        for other in (*taken[:k], *taken[k + 1 :]):
+            model.learn(other)
+        others = model.take(taken[k], learn=False).circle
+        assert abs(wrap_pi(found.circle.mean - others.mean)) < 0.3 * others.sigma
+        assert 0.8 < found.circle.sigma / others.sigma < 1.25
+
+
+def test_the_stations_on_each_side_of_a_trip_have_the_string_of_their_side():
+    rng = np.random.default_rng(8)
+    taken = []
+    for k in range(8):
+        axial = np.array([4e-6 if k < 4 else -4e-6, 0.0, 0.0])
+        one = station(0.9 + 0.05 * k, 2.0 * k, None, noise=axial + 3e-8 * rng.standard_normal(3))
+        taken.append(one._replace(hours=0.5 * k + (30.0 if k >= 4 else 0.0)))
+    for (one, _), (first, _) in zip(revised(taken), live(taken), strict=True):
+        assert one.verdict == "accept"
+        assert abs(wrap_pi(one.azimuth - AZIMUTH)) < 2.0 * one.sigma_azimuth
+        assert one.sigma_azimuth < 1.02 * first.sigma_azimuth

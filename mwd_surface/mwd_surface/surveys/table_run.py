@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -20,7 +19,7 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.decided_survey import record_of
 from mwd_estimation.survey.measurement import Measured, measured
 from mwd_estimation.survey.revision import findings, is_outlier
-from mwd_estimation.survey.run_model import RunModel, Taken, declination_sigma
+from mwd_estimation.survey.run_model import Taken, declination_sigma
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.survey import Survey, Verdict
@@ -88,9 +87,9 @@ def run_stations(
     for k, row in enumerate(rows):
         runs.setdefault(row.run, []).append(k)
     found: dict[int, TableStation] = {}
-    done = 0
+    done = 0.0
 
-    def count(stations: int) -> None:
+    def count(stations: float) -> None:
         nonlocal done
         done += stations
         if progress is not None:
@@ -101,19 +100,16 @@ def run_stations(
     return [found[k] for k in range(len(rows))]
 
 
-def _run(rows: list[TableRow], settings: StationSettings, progress: Callable[[int], None]) -> list[TableStation]:
+def _run(rows: list[TableRow], settings: StationSettings, progress: Callable[[float], None]) -> list[TableStation]:
     own = [measured(row.f_t, row.b_t, row.reference, settings) for row in rows]
     sound = [k for k, row in enumerate(rows) if not row.faults]
     hours = _hours([rows[k].time for k in sound])
     taken = {k: Taken(own[k], hour) for k, hour in zip(sound, hours, strict=True)}
-    model = RunModel(settings)
-    first = {k: model.take(one) for k, one in taken.items()}
-    threads = os.cpu_count() or 1
-    every = findings(list(taken.values()), list(first.values()), settings, progress=progress, threads=threads)
-    final = dict(zip(sound, every, strict=True))
+    before, every = findings(list(taken.values()), settings, progress=progress)
+    first, final = dict(zip(sound, before, strict=True)), dict(zip(sound, every, strict=True))
     fitting = [k for k in sound if not is_outlier(final[k])]
     if len(fitting) < len(sound):
-        others = findings([taken[k] for k in fitting], [first[k] for k in fitting], settings, threads=threads)
+        _, others = findings([taken[k] for k in fitting], settings, [first[k] for k in fitting])
         final |= zip(fitting, others, strict=True)
     stations, together = [], _multi_station(own, fitting, settings)
     for k, row in enumerate(rows):

@@ -51,6 +51,8 @@ _IMPOSSIBLE = -50.0
 _NEVER = math.log(1e-300)
 # Probability above which a state of the gyro counts as the state at a station. Later stations use these counts.
 _DECIDED = 0.9
+# Limits of a variance of the shared errors, as a share of the prior one, between which it counts as an observation.
+_KNOWN, _UNKNOWN = 1e-9, 0.99
 # Indices of the errors that the string causes; they get new values when the string is changed.
 _STRING = [*range(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3), Shared.FIELD_RATE]
 _REFERENCE = slice(Shared.TOTAL, Shared.OUTSIDE)
@@ -69,6 +71,7 @@ class RunState:
     hazard: float = math.nan  #: hazard of a change of the string, summed up to the last station; nan before the first
     age: float = 0.0  #: time from the first seek of the gyro in the run to the last one, h
     drifted: bool = False  #: whether the gyro may have drifted so far
+    lasting: float = math.nan  #: 1 sigma of the constant part of the gyro's azimuth error at the last seek, rad
     changed: float = 0.0  #: probability that the string has changed since the last station that updated the states
     #: shape (h,), or None; probability of each external field at the last station, because steel can extend to the
     #: next station.
@@ -112,7 +115,7 @@ class RunFilter:
 
     def _of_filters(self, state: RunState) -> RunState:
         """Return the state with all filters; a state before the first seek lacks the filters with a gyro adrift."""
-        if len(state.mean) == len(self.filters.weight):
+        if len(state.mean) % len(self.filters.weight) == 0:
             return state
         return dataclasses.replace(
             state,
@@ -139,18 +142,22 @@ class RunFilter:
         if math.isfinite(state.hazard):
             state.changed += (1.0 - state.changed) * -math.expm1(-abs(hazard - state.hazard))
         state.hazard = hazard
-        apart = abs(hours - state.hours) if math.isfinite(hours - state.hours) else 0.0
-        keep, at = hypotheses.kept(apart), range(_OUTSIDE.start, _OUTSIDE.stop)
+        if abs(hours - state.hours) > 0.0:
+            self._change_outside(hours - state.hours)
+            self._change_string(hours - state.hours)
+        if gyro is not None and gyro[0] != state.age:
+            self._drift(*gyro)
+        state.lasting = state.lasting if gyro is None else gyro[1]
+        if math.isfinite(hours):
+            state.hours = hours
+
+    def _change_outside(self, hours: float) -> None:
+        """Predict the varying external field `hours` later or earlier: it fades, and other fields take its place."""
+        state, keep, at = self.state, hypotheses.kept(abs(hours)), range(_OUTSIDE.start, _OUTSIDE.stop)
         state.mean[:, _OUTSIDE] *= keep
         state.covariance[:, _OUTSIDE, :] *= keep
         state.covariance[:, :, _OUTSIDE] *= keep
         state.covariance[:, at, at] += (1.0 - keep * keep) * self.filters.variance[:, _OUTSIDE]
-        if apart > 0.0:
-            self._change_string(hours - state.hours)
-        if gyro is not None:
-            self._drift(*gyro)
-        if math.isfinite(hours):
-            state.hours = hours
 
     def _change_string(self, hours: float) -> None:
         """Predict the string's field `hours` later (earlier if negative) from its rate, which fades meanwhile."""
@@ -175,8 +182,6 @@ class RunFilter:
         first one of the run, h; lasting: 1 sigma of the constant part of the gyro's azimuth error, rad.
         """
         state, adrift = self.state, self.filters.adrift
-        if age == state.age:
-            return
         begins = self.priors.gyro_fails if state.drifted else self.priors.gyro_adrift
         weight = np.exp(state.log_weight)
         both = np.stack([weight[~adrift] * begins, weight[adrift]], axis=1)
@@ -192,6 +197,78 @@ class RunFilter:
         covariance[:, Shared.GYRO, Shared.GYRO] += now - kept**2 * before
         state.mean[adrift], state.covariance[adrift] = mean, covariance
         state.age, state.drifted = age, True
+
+    def between(self, later: RunFilter) -> RunState:
+        """
+        Return the filters at a station, given the stations before it (this model) and after it (`later`).
+
+        Both models are at the time of the station; `later` learned its stations in reverse order. The ratio of a
+        Gaussian of `later` to the prior is the likelihood of the shared errors by the stations after (two-filter
+        smoother; D. C. Fraser, J. E. Potter, IEEE Trans. Automatic Control 14, 1969). Along the principal axes of the
+        covariance that has the prior as its unit, it is a set of independent observations, with which the filter
+        before is updated. If the string may have changed before or after the station, a filter has up to four parts.
+        """
+        for one, other in ((self, later), (later, self)):
+            if other.filters.adrift.any():
+                one.expect_gyro()
+            one.state = one._of_filters(one.state)
+        variance, prior = self._meet(later)
+        first, second = self._branched(self.state), self._branched(later.state)
+        count, scale = len(prior), np.sqrt(variance)
+        # Observations by the stations after: value, variance and slopes by the shared errors.
+        whitened = second.covariance.reshape(-1, count, SIZE, SIZE) / (scale[:, :, None] * scale[:, None, :])
+        size, axes = np.linalg.eigh(whitened)
+        used = int((size < _UNKNOWN).sum(axis=-1).max())
+        size, axes = np.clip(size[..., :used], _KNOWN, _UNKNOWN), np.swapaxes(axes[..., :used], -1, -2)
+        value = (axes @ (second.mean.reshape(-1, count, SIZE) / scale)[..., None])[..., 0] / (1.0 - size)
+        noise, H = size / (1.0 - size), axes / scale[:, None, :]
+        # Update of each filter before with each filter after of the same kind.
+        mean, covariance = first.mean.reshape(-1, 1, count, SIZE), first.covariance.reshape(-1, 1, count, SIZE, SIZE)
+        gain = covariance @ np.swapaxes(H, -1, -2)
+        S, e = H @ gain, value - (H @ mean[..., None])[..., 0]
+        S[..., range(used), range(used)] += noise
+        x = np.linalg.solve(S, e[..., None])
+        by_chance = value**2 / (1.0 + noise) + np.log1p(noise)
+        log_weight = 0.5 * (by_chance.sum(axis=-1) - (e * x[..., 0]).sum(axis=-1) - np.linalg.slogdet(S)[1])
+        log_weight += first.log_weight.reshape(-1, 1, count) + second.log_weight.reshape(-1, count)
+        log_weight -= np.log(np.maximum(prior, 1e-300))
+        weight = np.exp(log_weight - log_weight.max()).reshape(-1, count)
+        weight /= weight.sum()
+        least, whole = _FLOOR * prior, weight.sum(axis=0)
+        weight *= np.maximum(1.0, least / np.maximum(whole, 1e-300))
+        covariance = covariance - gain @ np.linalg.solve(S, np.swapaxes(gain, -1, -2))
+        return dataclasses.replace(
+            self.state,
+            mean=(mean + (gain @ x)[..., 0]).reshape(-1, SIZE),
+            covariance=(0.5 * (covariance + np.swapaxes(covariance, -1, -2))).reshape(-1, SIZE, SIZE),
+            log_weight=np.log(np.where(weight > _HOPELESS * least, weight, 1e-300)).ravel(),
+            changed=0.0,
+            outside=_between(self.state.outside, later.state.outside),
+            of_outside=self.state.of_outside + later.state.of_outside,
+            of_gyro=self.state.of_gyro + later.state.of_gyro,
+        )
+
+    def _meet(self, later: RunFilter) -> tuple[Array, Array]:
+        """
+        Move the gyros of both models to one age; return the prior variances (k, 23) and weights (k,) at this age.
+
+        later: as in `between`.
+        """
+        variance, prior, adrift = self.filters.variance.copy(), self.filters.weight.copy(), self.filters.adrift
+        if adrift.any():
+            age = self.state.age
+            lasting = self.state.lasting if math.isfinite(self.state.lasting) else later.state.lasting
+            for one in (self, later):
+                if one.state.age != age or not one.state.drifted:
+                    one._drift(age, lasting)
+            variance[adrift, Shared.GYRO] += hypotheses.drifted(age) / lasting**2
+            prior *= np.where(adrift, self.priors.gyro_adrift, 1.0 - self.priors.gyro_adrift)
+        return variance, prior / prior.sum()
+
+    def merge(self) -> None:
+        """Merge the parts of each filter that `between` returned, so that time can pass and stations be learned."""
+        state = self.state
+        self._join(np.exp(state.log_weight)[:, None], state.mean[:, None], state.covariance[:, None])
 
     def observe(self, H: Array, value: Array, covariance: Array) -> None:
         """
@@ -348,8 +425,8 @@ class RunFilter:
 
     def _adrift(self, weight: Array) -> float:
         """Return the probability that the gyro drifts, from the weights of the filters."""
-        adrift = self.filters.adrift
-        return float(weight[adrift].sum() / max(float(weight.sum()), 1e-300))
+        adrift = weight.reshape(-1, len(self.filters.adrift))[:, self.filters.adrift]
+        return float(adrift.sum() / max(float(weight.sum()), 1e-300))
 
     def probabilities(self, by_kind: Array) -> dict[Hypothesis, float]:
         """Return the probability of each hypothesis at a station; by_kind: `CircleEvidence.by_kind` of the station."""
@@ -454,6 +531,12 @@ def _merged(weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array
     off = mean - merged[..., None, :]
     scattered = np.swapaxes(share[..., None] * off, -1, -2) @ off
     return merged, (share[..., None, None] * covariance).sum(axis=-3) + scattered
+
+
+def _between(before: Array | None, after: Array | None) -> Array | None:
+    """Return the probabilities of the external fields at the stations before and after, averaged; None without both."""
+    known = [one for one in (before, after) if one is not None]
+    return np.mean(known, axis=0) if known else None
 
 
 def _learnt(prior: Array, seen: Array) -> Array:
