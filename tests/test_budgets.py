@@ -22,6 +22,9 @@ MEMORY = 3 * 10**9
 """Address space of a command, bytes: libraries and compiled code take half of it, a bomb more than the rest."""
 
 
+BUDGETS = [value for value in vars(budgets).values() if isinstance(value, budgets.Budget)]
+
+
 def mwd(*words: object) -> str:
     """Run a command under the limit; returns the one sentence with which it must end."""
     status, output = forked_command.run(*words, memory=MEMORY, timeout_s=120.0)
@@ -31,8 +34,25 @@ def mwd(*words: object) -> str:
     return output
 
 
+def table() -> str:
+    """All budgets as the Markdown table of SECURITY.md."""
+    rows = ["| input | bytes | piece unpacked | records | columns | days | nesting |", "|---|---|---|---|---|---|---|"]
+    for one in BUDGETS:
+        cells = [
+            "any" if one.size >= 2**62 else f"{one.size:_}".replace("_", " "),
+            *(
+                "" if value is None else f"{value:_}".replace("_", " ")
+                for value in (one.unpacked, one.records, one.columns)
+            ),
+            "" if one.seconds is None else f"{one.seconds / 86_400.0:g}",
+            "" if one.nesting is None else str(one.nesting),
+        ]
+        rows.append(f"| {one.reads} | {' | '.join(cells)} |")
+    return "\n".join(rows)
+
+
 def test_the_table_of_the_security_page_is_that_of_the_code():
-    assert budgets.table() in (ROOT / "SECURITY.md").read_text(encoding="utf-8")
+    assert table() in (ROOT / "SECURITY.md").read_text(encoding="utf-8")
 
 
 def servers(settings, name=""):
@@ -56,10 +76,8 @@ def test_every_server_has_a_limit_of_connections_in_the_table_of_the_security_pa
         assert f"| {name} | {getattr(settings, limit)} (`{name}.{limit}`) | {of_one}\n" in page
 
 
-def test_every_budget_is_in_the_table_and_bounds_something():
-    declared = {value for value in vars(budgets).values() if isinstance(value, budgets.Budget)}
-    assert declared == set(budgets.BUDGETS)
-    assert all(one.size < 2**62 or one.unpacked or one.records for one in budgets.BUDGETS)
+def test_every_budget_bounds_something():
+    assert all(one.size < 2**62 or one.unpacked or one.records for one in BUDGETS)
 
 
 @pytest.mark.slow(2)

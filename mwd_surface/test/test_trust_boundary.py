@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_estimation.pipeline.observatory import Observatory
+from mwd_estimation.pipeline.external_field import Observatory
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.place import Place
 from mwd_estimation.settings.tool import Tool

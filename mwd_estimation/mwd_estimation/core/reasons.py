@@ -49,7 +49,7 @@ class ReasonCode(StrEnum):
     STRING_ROTATED = "string_rotated"
     SAG_CORRECTED = "sag_corrected"
 
-    # External field of an observatory (pipeline.observatory).
+    # External field of an observatory (pipeline.external_field).
     MAGNETIC_STORM = "magnetic_storm"
     EXTERNAL_FIELD_UNKNOWN = "external_field_unknown"
 

@@ -40,9 +40,9 @@ class LigorioParams(NamedTuple):
     """Settings of the linear Kalman extraction."""
 
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
-    #: `gyro_noise`, `rate_noise`: gyro white noise, rad/s/sqrt(Hz), and the part of it that is proportional to the
-    #: rate, 1/sqrt(Hz).
-    gyro_noise: float = 0.01
+    #: `angle_noise`, `rate_noise`: white noise of the rate with a reserve for all other errors of the gyro,
+    #: rad/s/sqrt(Hz), and the part of it that is proportional to the rate, 1/sqrt(Hz). Neither follows from the tool.
+    angle_noise: float = 0.01
     rate_noise: float = 0.005
     accel_noise: float = 0.5  #: accelerometer noise of a sample, m/s^2
     #: `motion`, `memory`: 1 sigma of the acceleration of the tool, m/s^2, and its correlation time, s.
@@ -144,7 +144,7 @@ def _step(p: LigorioParams, s: Any, dt: float, w: Vector, f: Vector) -> float:
     gx, gy, gz = in_turned_axes(s.gravity[0], s.gravity[1], s.gravity[2], px, py, pz)
     keep = math.exp(-dt / p.memory)
     rate2 = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-    s.p_gg += p.gravity**2 * (p.gyro_noise**2 + p.rate_noise**2 * rate2) * dt
+    s.p_gg += p.gravity**2 * (p.angle_noise**2 + p.rate_noise**2 * rate2) * dt
     s.p_ga *= keep
     s.p_aa = keep * keep * s.p_aa + (1.0 - keep * keep) * p.motion**2
     ax, ay, az = in_turned_axes(s.acceleration[0], s.acceleration[1], s.acceleration[2], px, py, pz)

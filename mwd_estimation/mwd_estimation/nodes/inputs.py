@@ -9,9 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from mwd_msgs.msg import ImuBurst
 from numpy.typing import NDArray
-from sensor_msgs.msg import Imu, MagneticField, Temperature
 from tf2_msgs.msg import TFMessage
 
 from mwd_estimation.core.repeated_samples import RepeatedSamples
@@ -22,6 +20,7 @@ from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.messages import message_type
 
 _SLOWEST_HZ = 20.0  # smallest sample rate: at 120 r/min the string turns a tenth of a turn from sample to sample
 # Number of samples from which the sample rate is computed, number of samples from which the share of lost samples is
@@ -39,12 +38,8 @@ _FULL_S = 10.0  # time for which a full queue is reported, s
 _FOREIGN_S = 5.0  # time for which a message in another frame or a second copy of a sample is reported, s
 
 _TYPES = {
-    "imu/mag": MagneticField,
-    "gyro/data_raw": Imu,
-    "gyro/burst": ImuBurst,
-    "imu/temperature": Temperature,
-    "imu/data_raw": Imu,
-    "imu/burst": ImuBurst,
+    **{topic: wire.SONDE_TOPICS[topic].type_name for topic in ("imu/mag", *burst.TOPICS.values(), "imu/temperature")},
+    **dict.fromkeys(burst.TOPICS, burst.TYPE_NAME),
 }
 # Topic of each unit that has a mount.
 _UNITS = {"imu": "imu/data_raw", "mag": "imu/mag", "precision": "gyro/data_raw"}
@@ -97,8 +92,8 @@ class InputTopics:
         self._transforms_seen = 0
         node.add_subscription(TFMessage, "/tf_static", self._on_transforms, qos.EVENT)
         self._buffers = {
-            topic: node.add_buffered_subscription(msg_type, topic, qos.buffered(qos.STREAM))
-            for topic, msg_type in _TYPES.items()
+            topic: node.add_buffered_subscription(message_type(name), topic, qos.buffered(qos.STREAM))
+            for topic, name in _TYPES.items()
         }
 
     def take(self, topic: str) -> Samples:

@@ -19,7 +19,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import GYRO
 from mwd_estimation.core.time_bins import Bin, Binner
 from mwd_estimation.gyrocompass.solution import Solution
-from mwd_estimation.pipeline.observatory import Observatory
+from mwd_estimation.pipeline.external_field import Observatory
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.precision_unit import PrecisionUnitStage
 from mwd_estimation.pipeline.requests import Requests

@@ -20,10 +20,10 @@ from mwd_estimation.attitude import drilling_dynamics, toolface_dwell
 from mwd_estimation.attitude.block import Block
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, PropagatedAzimuth
-from mwd_estimation.attitude.heated_sigmas import HeatedSigmas
 from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
 from mwd_estimation.attitude.sample import samples_of
 from mwd_estimation.core import clip_flags, input_gate
+from mwd_estimation.core.calibrated_range import HeatedSigmas
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.rate_jumps import RateJumps
 from mwd_estimation.core.reasons import Reason

@@ -15,12 +15,18 @@ import dataclasses
 import datetime
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 
 from mwd_estimation.core.reference_field import ExternalField, Reference
+from mwd_estimation.settings.place import Place
+from mwd_sensors.core import budgets
 from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.foreign_text import contents_hidden
 from mwd_sensors.core.frames import wrap_pi
+from mwd_sensors.core.input_files import read_file
+from mwd_sensors.core.settings import SettingsError
 
 # Smallest value, nT or minutes of arc, that is a null value of IAGA-2002: 99999 for missing, 88888 for not recorded.
 _MISSING = 88888.0
@@ -259,3 +265,59 @@ def _sample(line: str, components: int) -> tuple[int, list[float]]:
     moment = datetime.datetime.fromisoformat(f"{day}T{clock}").replace(tzinfo=datetime.UTC)
     whole = int(moment.replace(microsecond=0).timestamp())
     return whole * 1_000_000_000 + moment.microsecond * 1000, [float(value) for value in values]
+
+
+# External field from the observatory file in the settings, which is read again whenever the file has changed.
+
+
+class Observatory:
+    """
+    External field at the time of each survey.
+
+    place : Place
+        If its `observatory_file` is empty, every reference is returned unchanged.
+
+    Raises
+    ------
+    SettingsError
+        If the file cannot be read, or is not an IAGA-2002 record.
+    """
+
+    def __init__(self, place: Place) -> None:
+        self._place = place
+        self._read_at: tuple[int, int] | None = None
+        self._record: ObservatoryRecord | None = None
+        if place.observatory_file:
+            try:
+                with contents_hidden(place.observatory_file):
+                    self._refresh()
+            except SettingsError as error:
+                raise SettingsError(f"place.observatory_file: {error}; expected a file of IAGA-2002") from None
+
+    def at(self, reference: Reference | None, stamp_ns: int | None) -> Reference | None:
+        """
+        Return the reference with the external field at a time, UTC, ns; None: unknown time.
+
+        At an unknown time, or where the record has no data, only the name of the observatory is added. Without a
+        record, or if the reference has no field or no declination, the reference is returned unchanged.
+        """
+        if self._record is None or reference is None or not reference.has_field or reference.declination is None:
+            return reference
+        try:
+            self._refresh()
+        except (OSError, ValueError):
+            # The file is being written: keep the last record; `survey.verdict` reports a time after its end.
+            self._read_at = None
+        found = None if stamp_ns is None else self._record.disturbance(stamp_ns)
+        asked = dataclasses.replace(reference, observatory=self._record.station)
+        if found is None:
+            return asked
+        return with_external(asked, found, self._place.observatory_share, f"observatory {self._record.station}")
+
+    def _refresh(self) -> None:
+        path = Path(self._place.observatory_file)
+        status = path.stat()
+        now = (status.st_mtime_ns, status.st_size)
+        if now != self._read_at:
+            self._record = read_iaga2002(read_file(path, budgets.OBSERVATORY).decode(errors="replace"), path.name)
+            self._read_at = now

@@ -66,9 +66,7 @@ _MAG_SCATTER_NT = 100.0
 
 def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
     """Return the parameters of the selected gravity method; gravity: local gravity, m/s^2, None if unknown."""
-    found = _of_tool(settings.tool, gravity, method(settings.gravity.method).Params())
-    expert = dataclasses.asdict(settings.gravity.expert)
-    return found._replace(**{name: expert[name] for name in found._fields if name in expert})
+    return _of_tool(settings.tool, gravity, method(settings.gravity.method).Params())
 
 
 def accelerometer_params(settings: EstimatorSettings, gravity: float | None) -> accelerometer_only.AccelerometerParams:

@@ -9,18 +9,15 @@ from them.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any
 
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.gravity import methods as gravity
-from mwd_estimation.settings.gravity import EXPERT, NoExpert
 from mwd_estimation.settings.place import Place
 from mwd_estimation.settings.tool import Tool
 from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_estimation.survey.survey_settings import SurveySettings
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.settings import from_mapping, setting, to_mapping
+from mwd_sensors.core.settings import setting
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,7 +36,7 @@ class VerdictSettings(QualitySettings):
 
 @dataclasses.dataclass(frozen=True)
 class Gravity:
-    """Choice of the method that estimates gravity, and the parameters of that method alone."""
+    """Choice of the method that estimates gravity."""
 
     method: str = setting(
         gravity.DEFAULT,
@@ -48,20 +45,6 @@ class Gravity:
         + ".",
         choices=tuple(gravity.METHODS),
     )
-    expert: Any = setting(None, "Parameters of the selected method.", expert=True)
-
-    def __post_init__(self) -> None:
-        """Convert `expert` to the parameters of the selected method, with defaults; errors as in `from_mapping`."""
-        kind, given = EXPERT.get(self.method, NoExpert), self.expert
-        if given is not None and not isinstance(given, (kind, Mapping)):
-            given = to_mapping(given)
-        # Discard the defaults of another method, which are left when the method has been changed.
-        others = [to_mapping(other()) for other in EXPERT.values() if other is not kind]
-        if given is None or (isinstance(given, Mapping) and dict(given) in others):
-            given = kind()
-        if isinstance(given, Mapping):
-            given = from_mapping(kind, given, "gravity.expert")
-        object.__setattr__(self, "expert", given)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mwd_estimation.attitude.heated_sigmas import HeatedSigmas
-from mwd_estimation.core.calibrated_range import CalibratedRange
+from mwd_estimation.core.calibrated_range import CalibratedRange, HeatedSigmas
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core.reasons import ReasonCode
-from mwd_estimation.pipeline.observatory import Observatory
+from mwd_estimation.pipeline.external_field import Observatory
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import Place

@@ -12,7 +12,7 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.gravity import methods
 from mwd_estimation.gyrocompass.seek_params import TACTICAL
 from mwd_estimation.settings import derivation, tool_file
-from mwd_estimation.settings.estimator import EstimatorSettings, Gravity
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import Place, reference_of
 from mwd_estimation.settings.tool import PrecisionUnit, Tool
 from mwd_sensors.core import earth
@@ -191,20 +191,6 @@ def test_the_bounded_filter_takes_the_gyro_of_the_tool():
     assert params.misalignment_sigma == pytest.approx(0.5 * usual.misalignment_sigma)
     perfect = {"tool.gyro.noise_deg_sqrt_h": 0.0, "tool.gyro.bias_deg_h": 0.0}
     assert derivation.gravity_params(changed(EstimatorSettings(), perfect), None).gyro_noise > 0.0
-
-
-def test_only_the_parameters_of_the_selected_gravity_method_are_there():
-    def experts(settings):
-        return [name for name in flat(settings) if name.startswith("gravity.expert.")]
-
-    assert "gravity.expert.k_p" not in experts(EstimatorSettings())
-    chosen = changed(EstimatorSettings(), {"gravity.expert.k_p": 0.2, "gravity.method": "s3"})
-    assert chosen.gravity.expert.k_p == 0.2
-    assert experts(chosen) == [f"gravity.expert.{name}" for name in ("k_p", "k_i", "k_p_least", "window")]
-    assert experts(EstimatorSettings(gravity=Gravity("raw"))) == ["gravity.expert.memory"]
-    assert not experts(EstimatorSettings())
-    with pytest.raises(SettingsError, match=r"gravity\.expert\.k_p: no such setting"):
-        changed(EstimatorSettings(), {"gravity.expert.k_p": 0.2})
 
 
 def test_a_user_has_few_parameters_to_read():

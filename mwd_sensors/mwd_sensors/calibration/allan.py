@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mwd_sensors.core.arrays import Array
 
+_PER_DECADE = 10  # number of averaging times per decade
 # Ratio of the flat part of the Allan deviation to the bias instability B, sqrt(2 ln 2 / pi) (IEEE Std 952, C.1.3).
 FLICKER_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
 
@@ -65,9 +66,9 @@ class AllanFigures:
     walk: float
 
 
-def allan(samples: ArrayLike, rate: float, points_per_decade: int = 10) -> AllanCurve:
+def allan(samples: ArrayLike, rate: float) -> AllanCurve:
     """
-    Return the overlapping Allan deviation.
+    Return the overlapping Allan deviation, for averaging times up to a fifth of the record.
 
     Parameters
     ----------
@@ -75,8 +76,6 @@ def allan(samples: ArrayLike, rate: float, points_per_decade: int = 10) -> Allan
         Equally spaced samples of a sensor at rest.
     rate : float
         Sample rate, Hz.
-    points_per_decade : int
-        Number of averaging times per decade; the longest is a fifth of the record.
 
     Raises
     ------
@@ -94,7 +93,7 @@ def allan(samples: ArrayLike, rate: float, points_per_decade: int = 10) -> Allan
     # Subtract the mean first, so that the running sum keeps its digits.
     total = np.concatenate([np.zeros((1, columns.shape[1])), np.cumsum(columns - columns.mean(axis=0), axis=0)])
     longest = len(x) // 5
-    count = max(2, math.ceil(math.log10(longest) * points_per_decade) + 1)
+    count = max(2, math.ceil(math.log10(longest) * _PER_DECADE) + 1)
     lengths = np.unique(np.round(np.logspace(0.0, math.log10(longest), count)).astype(int))
     deviation = np.empty((len(lengths), columns.shape[1]))
     for k, m in enumerate(lengths):

@@ -238,6 +238,8 @@ def _symmetric(p: Array) -> Array:
 
 
 MIN_POSES = 12  # smallest number of intervals at rest for a calibration
+# Shortest interval at rest, s; largest range of an axis in a window at rest, rad/s and m/s^2.
+_SHORTEST_S, _QUIET_RATE, _QUIET_FORCE = 2.0, 0.02, 0.15
 
 
 @dataclasses.dataclass(frozen=True)
@@ -263,18 +265,12 @@ class TumbleRests:
     celsius: Array
 
 
-def rests(
-    gyro: ArrayLike,
-    accel: ArrayLike,
-    mag: ArrayLike | None,
-    celsius: ArrayLike,
-    rate: float,
-    seconds: float = 2.0,
-    quiet_rate: float = 0.02,
-    quiet_force: float = 0.15,
-) -> TumbleRests:
+def rests(gyro: ArrayLike, accel: ArrayLike, mag: ArrayLike | None, celsius: ArrayLike, rate: float) -> TumbleRests:
     """
     Return the intervals at rest in a tumble run.
+
+    A window of half a second is at rest if the range of each axis is below `_QUIET_RATE` and `_QUIET_FORCE`, and its
+    mean specific force differs from both neighbouring windows by less than half of `_QUIET_FORCE`.
 
     Parameters
     ----------
@@ -284,11 +280,6 @@ def rests(
         Temperature, degC.
     rate : float
         Sample rate, Hz.
-    seconds : float
-        Duration of the shortest interval at rest, s.
-    quiet_rate, quiet_force : float
-        A window of half a second is at rest if the range of each axis is below these limits, rad/s and m/s^2, and its
-        mean specific force differs from both neighbouring windows by less than half of `quiet_force`.
 
     Raises
     ------
@@ -306,12 +297,12 @@ def rests(
     mean_f = f[: count * window].reshape(shape).mean(axis=1)
     drift = np.linalg.norm(np.diff(mean_f, axis=0, prepend=mean_f[:1]), axis=1)
     drift = np.maximum(drift, np.append(drift[1:], 0.0))
-    quiet = (spans[0] < quiet_rate) & (spans[1] < quiet_force) & (drift < 0.5 * quiet_force)
+    quiet = (spans[0] < _QUIET_RATE) & (spans[1] < _QUIET_FORCE) & (drift < 0.5 * _QUIET_FORCE)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
-    pairs = [(a * window, z * window) for a, z in edges.reshape(-1, 2) if (z - a) * window >= seconds * rate]
+    pairs = [(a * window, z * window) for a, z in edges.reshape(-1, 2) if (z - a) * window >= _SHORTEST_S * rate]
     if len(pairs) < MIN_POSES:
         raise ValueError(
-            f"only {len(pairs)} rests of {seconds:g} s were found; a tumble needs at least {MIN_POSES} attitudes"
+            f"only {len(pairs)} rests of {_SHORTEST_S:g} s were found; a tumble needs at least {MIN_POSES} attitudes"
         )
     means = [np.array([x[a:z].mean(axis=0) for a, z in pairs]) for x in (w, f, b, t)]
     first, last = (np.array(column, dtype=np.int64) for column in zip(*pairs, strict=True))

@@ -91,8 +91,6 @@ FREE, RATIO = 256 * MB, 200
 """A compressed file may decompress to FREE bytes plus RATIO times its size. Sensor noise compresses less than tenfold,
 equal messages of a topic up to a hundredfold."""
 
-DAY_S = 86_400.0
-
 YAML = Budget(
     "YAML: scenarios, settings, tools, plans, calibrations, metadata of bags", 5 * MB, records=200_000, nesting=50
 )
@@ -106,7 +104,7 @@ SPREADSHEET = Budget(
     columns=500,
 )
 PRESSURE = Budget(
-    "pressure of a CSV or WAV, pump strokes", 2000 * MB, records=50_000_000, columns=500, seconds=30 * DAY_S
+    "pressure of a CSV or WAV, pump strokes", 2000 * MB, records=50_000_000, columns=500, seconds=30 * 86_400.0
 )
 PRESSURE_JSON = Budget(
     "pressure of JSON: bytes of a document or of a line of many; records are cells, also empty ones",
@@ -128,42 +126,3 @@ PAGE = Budget("request to the page", 16 * 1024, nesting=100)
 WITSML_STORE = Budget("answer of a WITSML store or a blackboard", 2**20, nesting=100)
 OPCUA = Budget("message to the OPC UA server", 2**20)
 WITS = Budget("frame of a WITS peer", 65_536)
-
-BUDGETS = (
-    YAML,
-    JSON,
-    LIST,
-    SPREADSHEET,
-    PRESSURE,
-    PRESSURE_JSON,
-    SERIAL,
-    OBSERVATORY,
-    SECRET,
-    CERTIFICATE,
-    LOGO,
-    MCAP,
-    DATABASE,
-    ROS1,
-    RUN,
-    PAGE,
-    WITSML_STORE,
-    OPCUA,
-    WITS,
-)
-
-
-def table() -> str:
-    """Return all budgets as the Markdown table of SECURITY.md."""
-    rows = ["| input | bytes | piece unpacked | records | columns | days | nesting |", "|---|---|---|---|---|---|---|"]
-    for one in BUDGETS:
-        cells = [
-            "any" if one.size >= 2**62 else f"{one.size:_}".replace("_", " "),
-            *(
-                "" if value is None else f"{value:_}".replace("_", " ")
-                for value in (one.unpacked, one.records, one.columns)
-            ),
-            "" if one.seconds is None else f"{one.seconds / DAY_S:g}",
-            "" if one.nesting is None else str(one.nesting),
-        ]
-        rows.append(f"| {one.reads} | {' | '.join(cells)} |")
-    return "\n".join(rows)

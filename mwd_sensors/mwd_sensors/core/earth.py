@@ -32,6 +32,7 @@ _ECCENTRICITY_2 = _FLATTENING * (2.0 - _FLATTENING)
 _POLAR_RADIUS = _RADIUS * (1.0 - _FLATTENING)
 # Newtonian constant of gravitation, m^3/(kg s^2) (CODATA 2018).
 _NEWTON = 6.6743e-11
+_ROCK = 2670.0  # usual density of rock in the Poincare-Prey reduction, kg/m^3
 
 MODELS = ("wmm2025", "igrf")
 # First and last decimal year for which each model is valid.
@@ -183,35 +184,25 @@ def decimal_year(date: datetime.date) -> float:
     return date.year + (datetime.date(date.year, date.month, date.day) - start).days / days
 
 
-def gravity(lat: float, height: float, depth: float = 0.0, density: float = 2670.0) -> float:
+def gravity(lat: float, height: float) -> float:
     """
-    Return the magnitude of gravity, m/s^2.
+    Return the magnitude of gravity, m/s^2, at a geodetic latitude, rad, and a height above the ellipsoid, m.
 
-    Parameters
-    ----------
-    lat : float
-        Geodetic latitude, rad.
-    height : float
-        Height of the ground (or of a point in free air) above the ellipsoid, m.
-    depth : float
-        Depth of the point below the ground, m. Gravity changes with depth by the free-air gradient minus twice the pull
-        of the slab of rock above the point.
-    density : float
-        Density of the rock above the point, kg/m^3.
-
-    Source: Somigliana's formula and free-air series, NIMA TR8350.2, section 4.2; Poincare-Prey reduction for depth.
+    Source: Somigliana's formula and free-air series, NIMA TR8350.2, section 4.2.
     """
     sin2 = math.sin(lat) ** 2
-    surface = _normal_gravity(sin2)
     ratio = height / _RADIUS
-    free_air = surface * (1.0 - 2.0 * _steepness(sin2) * ratio + 3.0 * ratio**2)
-    return free_air + depth * gravity_gradient(lat, density)
+    return _normal_gravity(sin2) * (1.0 - 2.0 * _steepness(sin2) * ratio + 3.0 * ratio**2)
 
 
-def gravity_gradient(lat: float, density: float = 2670.0) -> float:
-    """Return the increase of gravity with depth below ground, m/s^2 per m; arguments as for `gravity`."""
+def gravity_gradient(lat: float) -> float:
+    """
+    Return the increase of gravity with depth below ground, m/s^2 per m, at a geodetic latitude, rad.
+
+    It is the free-air gradient minus twice the pull of the slab of rock above the point (Poincare-Prey reduction).
+    """
     sin2 = math.sin(lat) ** 2
-    return 2.0 * _normal_gravity(sin2) * _steepness(sin2) / _RADIUS - 4.0 * math.pi * _NEWTON * density
+    return 2.0 * _normal_gravity(sin2) * _steepness(sin2) / _RADIUS - 4.0 * math.pi * _NEWTON * _ROCK
 
 
 def _normal_gravity(sin2: float) -> float:

@@ -233,16 +233,15 @@ def turn_rate(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: fl
     return _rate(depth, turn, per)
 
 
-def vertical_section(positions: ArrayLike, azimuth: float, origin: ArrayLike = (0.0, 0.0)) -> Array:
+def vertical_section(positions: ArrayLike, azimuth: float) -> Array:
     """
-    Return the horizontal distance of positions from an origin along one azimuth.
+    Return the horizontal distance of positions from their origin along one azimuth.
 
-    positions, shape (..., 2 or 3): north, east(, down), m. azimuth: direction of the section, rad. origin, shape (2,):
-    north and east of the zero of the section, m. Returns shape (...), m.
+    positions, shape (..., 2 or 3): north, east(, down), m. azimuth: direction of the section, rad. Returns shape (...),
+    m.
     """
-    points, zero = np.asarray(positions, dtype=float), np.asarray(origin, dtype=float)
-    north, east = points[..., 0] - zero[0], points[..., 1] - zero[1]
-    return np.asarray(north * np.cos(azimuth) + east * np.sin(azimuth))
+    points = np.asarray(positions, dtype=float)
+    return np.asarray(points[..., 0] * np.cos(azimuth) + points[..., 1] * np.sin(azimuth))
 
 
 def closure(positions: ArrayLike) -> float:

@@ -214,11 +214,6 @@ def changed(settings: T, changes: Mapping[str, Any]) -> T:
     """
     nested = to_mapping(settings)
     known = flat(settings)
-    later = {name: value for name, value in changes.items() if name not in known}
-    if later and len(later) < len(changes):
-        # The value of one setting may add further settings, whose names exist only after that value is set.
-        first = changed(settings, {name: value for name, value in changes.items() if name in known})
-        return changed(first, later)
     for name, value in changes.items():
         if name not in known:
             raise SettingsError(unknown_key(name, known, ""))

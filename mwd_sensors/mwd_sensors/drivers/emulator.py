@@ -25,8 +25,6 @@ from mwd_sensors.drivers import mtdata2, polled_line, probe_protocol
 from mwd_sensors.drivers.readings import LAYOUTS, UnitAnswer, UnitSample, readings_of
 
 NAME = "mwd emulator 1"
-# At equal stamps the IMU comes last, so that the other samples that the estimator needs have already arrived.
-_ORDER = ("imu/temperature", "gyro/data_raw", "imu/mag", "imu/data_raw")
 XSENS_FIELD_T = 50e-6
 """Field that the emulated MTi reports as 1, T; the driver's `xsens_field_ut` must be 50."""
 PROTOCOLS = ("binary", "ascii", "xsens", "polled")
@@ -240,8 +238,8 @@ def _in_order(blocks: Iterable[Mapping[str, Samples]]) -> Iterator[UnitSample]:
     for block in blocks:
         rows = [
             (one.stamp_ns, order, one)
-            for order, topic in enumerate(_ORDER)
-            if topic in block and topic in LAYOUTS
+            for order, topic in enumerate(LAYOUTS)
+            if topic in block
             for one in readings_of(topic, block[topic])
         ]
         rows.sort(key=lambda row: row[:2])

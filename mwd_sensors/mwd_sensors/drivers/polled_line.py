@@ -318,13 +318,8 @@ def readings(values: Mapping[str, float], stamp_ns: int) -> list[UnitSample]:
     """Return one sample, stamped stamp_ns, for each topic whose values are all present and finite; the IMU is last."""
     status = values.get(STATUS, math.nan)
     bits = int(status) if math.isfinite(status) else 0
-    found = []
-    for topic in FIELDS:
-        row = tuple(values.get(name, math.nan) for name in NAMES[topic])
-        if all(map(math.isfinite, row)):
-            found.append(UnitSample(topic, stamp_ns, row, bits))
-    # The IMU comes last, so that the samples that the estimator combines with it have already arrived.
-    return sorted(found, key=lambda one: one.topic == "imu/data_raw")
+    rows = ((topic, tuple(values.get(name, math.nan) for name in NAMES[topic])) for topic in FIELDS)
+    return [UnitSample(topic, stamp_ns, row, bits) for topic, row in rows if all(map(math.isfinite, row))]
 
 
 class ReplyValues(NamedTuple):

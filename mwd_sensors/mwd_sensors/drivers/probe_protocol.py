@@ -19,14 +19,17 @@ from mwd_sensors.telemetry.checksum import CRC_BYTES, crc16, holds, signed
 from mwd_sensors.telemetry.serial_frames import cobs, uncobs
 
 END = b"\0"
-# Kind of a frame -> its name in a line of text, its topic, and the number of values in a sample.
-_SAMPLES = {1: ("IMU", "imu/data_raw", 6), 2: ("MAG", "imu/mag", 3), 3: ("GYRO", "gyro/data_raw", 6)}
-_SAMPLES |= {4: ("TEMP", "imu/temperature", 1)}
+# Kind of a frame -> topic of its samples and form of the content (`struct`).
+_SAMPLES = {1: ("imu/data_raw", "<qddddddH"), 2: ("imu/mag", "<qdddH"), 3: ("gyro/data_raw", "<qddddddH")}
+_SAMPLES |= {4: ("imu/temperature", "<qdH")}
 _TIME, _INFO = 16, 17
+# Kind of a frame -> its name in a line of text.
+_NAMES = {1: "IMU", 2: "MAG", 3: "GYRO", 4: "TEMP", _TIME: "CLOCK", _INFO: "PROBE"}
+_FORMS = {kind: form for kind, (_, form) in _SAMPLES.items()} | {_TIME: "<qq"}
 COMMANDS = {"start": 32, "stop": 33, "time": 34, "info": 35}
 """Command to a probe -> kind of its frame. The commands start and stop the samples, and request time and name."""
-_BY_NAME = {name: (topic, count) for name, topic, count in _SAMPLES.values()}
-_BY_TOPIC = {topic: (kind, name) for kind, (name, topic, _) in _SAMPLES.items()}
+_BY_NAME = {name: kind for kind, name in _NAMES.items()}
+_BY_TOPIC = {topic: kind for kind, (topic, _) in _SAMPLES.items()}
 # Largest number of bytes without an end; more bytes are not a frame and are dropped.
 _LONGEST = 512
 
@@ -44,11 +47,13 @@ def line(name: str, counter: int, *words: object) -> bytes:
 
 def sample(reading: UnitSample, counter: int, text: bool) -> bytes:
     """Encode a sample as a binary frame or, if text is true, as a line of text."""
-    kind, name = _BY_TOPIC[reading.topic]
+    return _encoded(_BY_TOPIC[reading.topic], counter, text, reading.stamp_ns, *reading.values, reading.status)
+
+
+def _encoded(kind: int, counter: int, text: bool, *numbers: float) -> bytes:
     if text:
-        return line(name, counter, reading.stamp_ns, *reading.values, reading.status)
-    packed = struct.pack(f"<q{len(reading.values)}dH", reading.stamp_ns, *reading.values, reading.status)
-    return frame(kind, counter, packed)
+        return line(_NAMES[kind], counter, *numbers)
+    return frame(kind, counter, struct.pack(_FORMS[kind], *numbers))
 
 
 def command(name: str, counter: int, text: bool, now_ns: int = 0) -> bytes:
@@ -65,10 +70,10 @@ def command(name: str, counter: int, text: bool, now_ns: int = 0) -> bytes:
 def answer(given: UnitAnswer, counter: int, text: bool) -> bytes:
     """Encode an answer of a probe as a binary frame or, if text is true, as a line of text."""
     if given.kind == "time":
-        content = struct.pack("<qq", given.sent_ns, given.unit_ns)
-        return line("CLOCK", counter, given.sent_ns, given.unit_ns) if text else frame(_TIME, counter, content)
-    words = given.text.replace(",", " ")
-    return line("PROBE", counter, words) if text else frame(_INFO, counter, given.text.encode("ascii", "replace"))
+        return _encoded(_TIME, counter, text, given.sent_ns, given.unit_ns)
+    if text:
+        return line(_NAMES[_INFO], counter, given.text.replace(",", " "))
+    return frame(_INFO, counter, given.text.encode("ascii", "replace"))
 
 
 class Splitter:
@@ -163,32 +168,19 @@ def _parsed(kind: int | str, content: bytes) -> UnitSample | UnitAnswer | None:
     """
     if isinstance(kind, str):
         words = content.decode("ascii").split(",")
-        if kind in _BY_NAME:
-            topic, count = _BY_NAME[kind]
-            if len(words) != count + 2:
-                raise ValueError(f"{kind}: {len(words)} values")
-            stamp_ns, status = _whole(words[0]), _whole(words[-1], 0, 1 << 16)
-            return UnitSample(topic, stamp_ns, tuple(float(word) for word in words[1:-1]), status)
-        if kind == "CLOCK":
-            sent_ns, unit_ns = map(_whole, words)
-            return UnitAnswer("time", sent_ns=sent_ns, unit_ns=unit_ns)
-        return UnitAnswer("info", content.decode("ascii")) if kind == "PROBE" else None
-    if kind in _SAMPLES:
-        _, topic, count = _SAMPLES[kind]
-        stamp_ns, *values, status = struct.unpack(f"<q{count}dH", content)
-        return UnitSample(topic, stamp_ns, tuple(values), status)
+        kind = _BY_NAME.get(kind, 0)
+        if kind in _FORMS:
+            # As in a binary frame; a number outside the range of the frame is an error.
+            pairs = zip(_FORMS[kind][1:], words, strict=True)
+            content = struct.pack(_FORMS[kind], *(float(word) if one == "d" else int(word) for one, word in pairs))
+    if kind == _INFO:
+        return UnitAnswer("info", content.decode("ascii", "replace"))
+    if kind not in _FORMS:
+        return None
+    numbers = struct.unpack(_FORMS[kind], content)
     if kind == _TIME:
-        sent_ns, unit_ns = struct.unpack("<qq", content)
-        return UnitAnswer("time", sent_ns=sent_ns, unit_ns=unit_ns)
-    return UnitAnswer("info", content.decode("ascii", "replace")) if kind == _INFO else None
-
-
-def _whole(word: str, low: int = -(1 << 63), end: int = 1 << 63) -> int:
-    """Return the integer in a text; raise ValueError unless low <= integer < end, the range in a binary frame."""
-    number = int(word)
-    if not low <= number < end:
-        raise ValueError(f"{word}: not within {low} and {end - 1}")
-    return number
+        return UnitAnswer("time", sent_ns=numbers[0], unit_ns=numbers[1])
+    return UnitSample(_SAMPLES[kind][0], numbers[0], numbers[1:-1], numbers[-1])
 
 
 def requested(kind: int | str, content: bytes) -> tuple[str, int] | None:

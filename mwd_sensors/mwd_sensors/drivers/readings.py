@@ -19,17 +19,21 @@ CLIP_WORDS = {
     for bit, axis in zip(bits, "xyz", strict=True)
 }
 LAYOUTS = {
-    "imu/data_raw": wire.IMU,
-    "imu/mag": wire.MAG,
-    "gyro/data_raw": wire.IMU,
     "imu/temperature": wire.TEMPERATURE,
+    "gyro/data_raw": wire.IMU,
+    "imu/mag": wire.MAG,
+    "imu/data_raw": wire.IMU,
 }
-"""Topics of a probe's samples and their layouts."""
+"""
+Topics of a probe's samples and their layouts, in the order in which samples of equal stamps are sent.
+
+The IMU is last, so that the samples that the estimator combines with it have already arrived.
+"""
 FIELDS = {
-    "imu/data_raw": ("angular_velocity", "linear_acceleration"),
-    "imu/mag": ("magnetic_field",),
-    "gyro/data_raw": ("angular_velocity", "linear_acceleration"),
     "imu/temperature": ("temperature",),
+    "gyro/data_raw": ("angular_velocity", "linear_acceleration"),
+    "imu/mag": ("magnetic_field",),
+    "imu/data_raw": ("angular_velocity", "linear_acceleration"),
 }
 """Measured fields of each topic, SI."""
 _CLIP_BITS = {

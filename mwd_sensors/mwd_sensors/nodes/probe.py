@@ -7,7 +7,6 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_srvs.srv import SetBool
 
 from mwd_sensors.core import wire
@@ -19,16 +18,10 @@ from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.messages import message_type
 from mwd_sensors.ros.run_node import run_node
 
 _PERIOD = 0.002  # time between two reads of the line, s
-_TYPES = {
-    "imu/temperature": Temperature,
-    "gyro/data_raw": Imu,
-    "imu/mag": MagneticField,
-    # The IMU is last, so that the samples that the estimator combines with it have already been published.
-    "imu/data_raw": Imu,
-}
 
 
 class ProbeNode(GraphNode[LineSettings]):
@@ -49,7 +42,10 @@ class ProbeNode(GraphNode[LineSettings]):
             polled_frame(self.settings)
         except (ValueError, OSError) as error:
             raise RuntimeError(f"frame_file: {error}") from error
-        self._topics = {topic: self.add_publisher(kind, topic, qos.STREAM) for topic, kind in _TYPES.items()}
+        self._topics = {
+            topic: self.add_publisher(message_type(layout.type_name), topic, qos.STREAM)
+            for topic, layout in LAYOUTS.items()
+        }
         self.add_service(SetBool, "stream", self._stream)
         self.add_timer(_PERIOD, self._on_timer)
 
@@ -76,7 +72,7 @@ class ProbeNode(GraphNode[LineSettings]):
                 self.get_logger().warning(printable(f"{probe.failure}; trying again every second"))
             else:
                 self.get_logger().info(printable(f"{self.settings.port} is open"))
-        by_topic: dict[str, list[UnitSample]] = {topic: [] for topic in _TYPES}
+        by_topic: dict[str, list[UnitSample]] = {topic: [] for topic in LAYOUTS}
         for one in readings:
             by_topic[one.topic].append(one)
         frame = self.frame(wire.SONDE_FRAME)

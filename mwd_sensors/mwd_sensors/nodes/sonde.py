@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from mwd_msgs.msg import ControlState, DetectorCounts, ImuBurst, RigAcknowledge, RigCommand, RigState, ToolStatus, Truth
+from mwd_msgs.msg import ControlState, RigAcknowledge, RigCommand
 from mwd_msgs.srv import InjectFault
-from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
+from sensor_msgs.msg import JointState
 
 from mwd_sensors.core import burst, wire
 from mwd_sensors.core.arrays import Samples
@@ -27,6 +27,7 @@ from mwd_sensors.ros.deferred import answering
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.messages import message_type
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.ros.time_stamps import header
 from mwd_sensors.simulator import scenario_files, steering
@@ -43,16 +44,6 @@ _MOST_BEHIND_S = 1.0  # longest lag that the simulation catches up, s of wall ti
 # Largest number of messages that one timer callback publishes: more messages at once, after a delay, would overrun the
 # middleware's queues.
 _MAX_PER_CALLBACK = 100
-_TYPES = {
-    "imu/data_raw": Imu,
-    "imu/mag": MagneticField,
-    "gyro/data_raw": Imu,
-    "imu/temperature": Temperature,
-    "truth": Truth,
-    "rig/state": RigState,
-    wire.GAMMA_TOPIC: DetectorCounts,
-    wire.STATUS_TOPIC: ToolStatus,
-}
 # At equal stamps the AHRS comes last, so that the other samples that the estimator needs are already published.
 _ORDER = (
     *("rig/state", "imu/temperature", wire.GAMMA_TOPIC, wire.STATUS_TOPIC),
@@ -133,13 +124,13 @@ class SondeNode(GraphNode[SondeSettings]):
         # Compile the simulator now, so that the scenario does not start late.
         example = Sonde(self._scenario)
         next(example.blocks(_BLOCK_S))
-        self._topic_publishers = {
-            topic: self.add_publisher(_TYPES[topic], topic, qos.EVENT if topic == "rig/state" else qos.STREAM)
-            for topic in _ORDER
-            if topic in example.topics
-        }
+        types = {topic: example.topics[topic].type_name for topic in _ORDER if topic in example.topics}
         if self.settings.burst:
-            self._topic_publishers |= {topic: self.add_publisher(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
+            types |= dict.fromkeys(burst.TOPICS, burst.TYPE_NAME)
+        self._topic_publishers = {
+            topic: self.add_publisher(message_type(name), topic, qos.EVENT if topic == "rig/state" else qos.STREAM)
+            for topic, name in types.items()
+        }
         self.add_service(InjectFault, "inject_fault", self._inject_fault)
         self._rig_commands = SimulatedRigCommands(self, lambda: self._sonde, self.settings.rate)
         if self._scenario.steering is not None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from mwd_msgs.msg import PressureBurst, SerialBurst, StrokeBurst, ToolFlow, Transmission, VoltageBurst
+from mwd_msgs.msg import StrokeBurst, ToolFlow, Transmission
 
 from mwd_sensors.core import gauge_burst, wire
 from mwd_sensors.core.foreign_text import printable
@@ -20,11 +20,11 @@ from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.messages import message_type
 from mwd_sensors.simulator.link_channels import Heard, OnAir
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.telemetry_link import Telemetry
 
-_TYPES = {gauge_burst.PRESSURE: PressureBurst, gauge_burst.VOLTAGE: VoltageBurst, gauge_burst.SERIAL: SerialBurst}
 # Lag of the simulated channel behind the simulation: wall time, s, and simulation time, s; both are added. The lag lets
 # the tool's signals arrive before their time is simulated.
 _WALL_S, _RUN_S = 2.0, 1.0
@@ -52,7 +52,7 @@ class TelemetryTopics:
         self._lag_s = _RUN_S + _WALL_S * rate
         topics = {tool.link: gauge_burst.TOPICS[tool.link] for tool in telemetry.tools}
         self._heard = {
-            link: node.add_publisher(_TYPES[kind], topic, qos.EVENT) for link, (topic, kind) in topics.items()
+            link: node.add_publisher(message_type(kind), topic, qos.EVENT) for link, (topic, kind) in topics.items()
         }
         self._strokes = node.add_publisher(StrokeBurst, "rig/strokes", qos.EVENT) if "mud_pulse" in topics else None
         self._flow = node.add_publisher(ToolFlow, "tool/flow", qos.EVENT)

@@ -62,9 +62,6 @@ class SettingsParameters(Generic[T]):
         check: Callable[[T], None],
     ) -> None:
         self._given = given
-        # A setting with choices may add further settings, so its value is set before the names are declared.
-        choices = [name for name, (_, rule) in settings.flat(default).items() if rule.choices]
-        default = settings.changed(default, {name: self._given[name] for name in choices if name in self._given})
         self.value = default
         self._changed, self._accept = changed, check
         self._names = settings.flat(default)

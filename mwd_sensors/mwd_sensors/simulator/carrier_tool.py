@@ -11,9 +11,8 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.pulse_tool import LinkRun, SentTransmission, SentWord, link_run
-from mwd_sensors.telemetry import carrier as air
-from mwd_sensors.telemetry.carrier import BlockName, Complex
-from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry import on_air
+from mwd_sensors.telemetry.carrier import Complex
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 # Medium -> share of a symbol's duration in which the phase changes. The rotor of a siren needs time for the change, a
@@ -145,20 +144,20 @@ def transmit(
     spans = []
     frame = 0
     for begin, end in flows:
-        at, kind, items = begin + tool.transmit_delay_s, "survey", tool.surveys[0]
+        at, blocks = begin + tool.transmit_delay_s, on_air.groups(tool, "survey", 0)
         first, sent = at, []
-        while items and at + length <= end:
-            for place, block in enumerate(air.blocks_of(items, carrier.block_bits)):
+        while blocks and at + length <= end:
+            for block in blocks:
                 if at + length > end:
                     break
-                codes = tuple(int(random.integers(tool.table[item.name].codes(item.bits))) for item in block)
-                sent.append(_symbols(tool, BlockName(kind, 0, place), block, codes))
+                codes = tuple(int(random.integers(tool.table[item.name].codes(item.bits))) for item in block.items)
+                sent.append(on_air.block_symbols(tool, block, tool.sent(block.items, codes)))
                 words += [
                     SentWord(at, at + length, frame, item.name, item.bits, code)
-                    for item, code in zip(block, codes, strict=True)
+                    for item, code in zip(block.items, codes, strict=True)
                 ]
                 at += length
-            kind, items = "toolface", tool.sequence("toolface", 0)
+            blocks = on_air.groups(tool, "toolface", 0)
             frame += 1
         if sent:
             spans.append(CarrierSpan(first, np.concatenate(sent)))
@@ -171,24 +170,13 @@ def transmit(
     )
 
 
-def siren_run(
-    channel: MudChannel, sent: CarrierSent, seconds: float, seed: int, amplitude_pa: float = SIREN_PA
-) -> LinkRun:
+def siren_run(channel: MudChannel, sent: CarrierSent, seconds: float, seed: int) -> LinkRun:
     """
     Return the simulated standpipe pressure with a siren in place of the valve.
 
     sent : signal of the siren.
     seconds : duration, s.
     seed : seed of the noise.
-    amplitude_pa : amplitude of the siren, Pa.
     """
-    siren = dataclasses.replace(channel, valve_pa=amplitude_pa, rise_s=_SIREN_RISE_S)
+    siren = dataclasses.replace(channel, valve_pa=SIREN_PA, rise_s=_SIREN_RISE_S)
     return link_run(siren, SentTransmission(sent.words, np.zeros((0, 2))), seconds, seed, sent.drive)
-
-
-def _symbols(
-    tool: ToolConfiguration, name: BlockName, items: tuple[SequenceItem, ...], codes: tuple[int, ...]
-) -> Complex:
-    lengths = [item.length for item in items]
-    bits = air.block_bits(tool.carrier, name, tool.sent(items, codes), lengths, tool.table_check)
-    return air.symbols(tool.carrier, bits)

@@ -7,7 +7,7 @@ import dataclasses
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,23 +83,54 @@ class Heard(NamedTuple):
     strokes: list[tuple[int, float]]
 
 
-class LinkChannel(Protocol):
-    """Interface of the channel of one telemetry link."""
+class SampledLink:
+    """
+    Channel of a link whose receiver samples a pressure or a voltage.
+
+    Parameters
+    ----------
+    name : str
+        Name of the link.
+    source : CarrierStream
+        Carrier of the tool, which `received` contains.
+    received : Pressure, EarthVoltage or CoilVoltage
+        Received signal, computed in blocks of `BLOCK_S`.
+    rate_hz : float
+        Sample rate of the received signal.
+    """
+
+    def __init__(
+        self, name: str, source: CarrierStream, received: Pressure | EarthVoltage | CoilVoltage, rate_hz: float
+    ) -> None:
+        self._name, self._source, self._signal, self._rate_hz = name, source, received, rate_hz
 
     def send(self, signal: OnAir) -> int:
         """Transmit a signal; return how many of its pulses, symbol groups or frames are lost because they are late."""
-        ...
+        if not signal.phases:
+            return 0
+        if signal.start_s < self._signal.seconds:
+            return 1
+        self._source.add(signal.start_s, np.exp(1j * np.array(signal.phases)), signal.width_s, signal.frequency_hz)
+        return 0
 
     def deepen(self, depth_m: float) -> None:
-        """Continue with the bit at another measured depth, m."""
-        ...
+        """Continue with the bit at another measured depth, m; a link that does not depend on the depth ignores it."""
 
     def advance(self, until_s: float) -> list[Heard]:
         """Return the blocks received since the last call, up to a simulation time, s."""
-        ...
+        blocks = []
+        while self._signal.seconds + BLOCK_S <= until_s + 1e-9:
+            start = self._signal.seconds
+            values = self._signal.block()
+            blocks.append(Heard(self._name, start, 1.0 / self._rate_hz, values, self._new_strokes()))
+        return blocks
+
+    def _new_strokes(self) -> list[tuple[int, float]]:
+        """Return the pump strokes since the last call, as in `Heard.strokes`."""
+        return []
 
 
-class MudLink:
+class MudLink(SampledLink):
     """
     Link through mud, by pulses or a siren.
 
@@ -112,29 +143,21 @@ class MudLink:
     def __init__(self, channel: MudChannel, seed: int, flow: Callable[[Array], Array]) -> None:
         self._well = channel.well
         self._pressure = Pressure(channel, np.zeros((0, 2)), seed, flow, BLOCK_S)
-        self._siren = CarrierStream("mud")
-        self._pressure.modulate(self._siren.drive)
+        siren = CarrierStream("mud")
+        self._pressure.modulate(siren.drive)
         self._strokes_given = [0 for _ in channel.pumps]
+        super().__init__("mud_pulse", siren, self._pressure, mud_channel.RATE_HZ)
 
     def send(self, signal: OnAir) -> int:
-        """Transmit pulses of the valve or symbols of the siren; see `LinkChannel`."""
+        """Transmit pulses of the valve or symbols of the siren; see `SampledLink`."""
         begins = [signal.start_s + edge for edge in signal.edges_s]
         late = sum(not self._pressure.add_pulse(begin, begin + signal.width_s) for begin in begins)
-        return late + _add(self._siren, signal, self._pressure.seconds)
+        return late + super().send(signal)
 
     def deepen(self, depth_m: float) -> None:
-        """Continue with the bit at another depth; see `LinkChannel`."""
+        """Continue with the bit at another depth; see `SampledLink`."""
         self._well = dataclasses.replace(self._well, depth_m=depth_m)
         self._pressure.deepen(self._well)
-
-    def advance(self, until_s: float) -> list[Heard]:
-        """Return the received blocks up to a simulation time, s; see `LinkChannel`."""
-        blocks = []
-        while self._pressure.seconds + BLOCK_S <= until_s + 1e-9:
-            start = self._pressure.seconds
-            pressure = self._pressure.block()
-            blocks.append(Heard("mud_pulse", start, 1.0 / mud_channel.RATE_HZ, pressure, self._new_strokes()))
-        return blocks
 
     def _new_strokes(self) -> list[tuple[int, float]]:
         found = []
@@ -144,35 +167,23 @@ class MudLink:
         return sorted(found, key=lambda one: (one[1], one[0]))
 
 
-class EarthLink:
+class EarthLink(SampledLink):
     """Link through the earth, by a carrier."""
 
     def __init__(self, channel: EarthChannel, seed: int) -> None:
-        self._ground = channel.ground
-        self._source = CarrierStream("earth")
-        self._voltage = EarthVoltage(channel, self._source.drive, seed, BLOCK_S)
-
-    def send(self, signal: OnAir) -> int:
-        """Transmit symbols of the carrier; see `LinkChannel`."""
-        return _add(self._source, signal, self._voltage.seconds)
+        self._ground, source = channel.ground, CarrierStream("earth")
+        self._voltage = EarthVoltage(channel, source.drive, seed, BLOCK_S)
+        super().__init__("em", source, self._voltage, earth_channel.RATE_HZ)
 
     def deepen(self, depth_m: float) -> None:
-        """Continue with the bit at another depth; see `LinkChannel`."""
+        """Continue with the bit at another depth; see `SampledLink`."""
         self._ground = dataclasses.replace(self._ground, depth_m=depth_m)
         self._voltage.deepen(self._ground)
 
-    def advance(self, until_s: float) -> list[Heard]:
-        """Return the received blocks up to a simulation time, s; see `LinkChannel`."""
-        blocks = []
-        while self._voltage.seconds + BLOCK_S <= until_s + 1e-9:
-            start = self._voltage.seconds
-            blocks.append(Heard("em", start, 1.0 / earth_channel.RATE_HZ, self._voltage.block(), []))
-        return blocks
 
-
-class CoilLink:
+class CoilLink(SampledLink):
     """
-    Link through the field of a coil whose strength is modulated.
+    Link through the field of a coil whose strength is modulated; the strength follows the position of the sonde.
 
     Parameters
     ----------
@@ -181,23 +192,9 @@ class CoilLink:
     """
 
     def __init__(self, channel: CoilChannel, coil: Coil, place: Place, seed: int) -> None:
-        self._source = CarrierStream("coil")
-        self._voltage = CoilVoltage(channel, coil, place, self._source.drive, seed, BLOCK_S)
-
-    def send(self, signal: OnAir) -> int:
-        """Transmit symbols of the carrier; see `LinkChannel`."""
-        return _add(self._source, signal, self._voltage.seconds)
-
-    def deepen(self, depth_m: float) -> None:
-        """Do nothing: the strength follows the position of the sonde from block to block."""
-
-    def advance(self, until_s: float) -> list[Heard]:
-        """Return the received blocks up to a simulation time, s; see `LinkChannel`."""
-        blocks = []
-        while self._voltage.seconds + BLOCK_S <= until_s + 1e-9:
-            start = self._voltage.seconds
-            blocks.append(Heard("coil", start, 1.0 / coil_channel.RATE_HZ, self._voltage.block(), []))
-        return blocks
+        source = CarrierStream("coil")
+        voltage = CoilVoltage(channel, coil, place, source.drive, seed, BLOCK_S)
+        super().__init__("coil", source, voltage, coil_channel.RATE_HZ)
 
 
 class WireLink:
@@ -210,7 +207,7 @@ class WireLink:
         self._until = -math.inf
 
     def send(self, signal: OnAir) -> int:
-        """Transmit the bytes of a frame; see `LinkChannel`."""
+        """Transmit the bytes of a frame; see `SampledLink`."""
         if not signal.octets:
             return 0
         if signal.start_s < self._until:
@@ -222,7 +219,7 @@ class WireLink:
         """Do nothing: a wire does not change with depth."""
 
     def advance(self, until_s: float) -> list[Heard]:
-        """Return the received blocks up to a simulation time, s; see `LinkChannel`."""
+        """Return the received frames up to a simulation time, s; see `SampledLink`."""
         self._until = max(self._until, until_s)
         heard = []
         while self._sent and self._sent[0][0] + len(self._sent[0][1]) * self._period_s <= until_s:
@@ -234,11 +231,5 @@ class WireLink:
         return heard
 
 
-def _add(stream: CarrierStream, signal: OnAir, done_s: float) -> int:
-    """Add a signal to a carrier; return 1 if its start is before done_s, the end of the simulated time, s, else 0."""
-    if not signal.phases:
-        return 0
-    if signal.start_s < done_s:
-        return 1
-    stream.add(signal.start_s, np.exp(1j * np.array(signal.phases)), signal.width_s, signal.frequency_hz)
-    return 0
+LinkChannel = SampledLink | WireLink
+"""Channel of one telemetry link."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.pulse_tool import SentWord
-from mwd_sensors.telemetry import serial_frames
-from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry import on_air, serial_frames
+from mwd_sensors.telemetry.on_air import Group
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 
@@ -66,21 +66,10 @@ def transmit(tool: ToolConfiguration, seconds: float, seed: int) -> tuple[bytes,
     at = tool.transmit_delay_s
     while items and at < seconds:
         codes = tuple(int(random.integers(tool.table[item.name].codes(item.bits))) for item in items)
-        frame = _frame(tool, kind, items, codes, counter)
+        frame = on_air.signal(tool, Group(kind, 0, 0, items), tool.sent(items, codes), counter).octets
         end = at + len(frame) * serial_frames.BITS_PER_BYTE / tool.serial.baud
         out += frame
         words += [SentWord(at, end, counter, item.name, item.bits, c) for item, c in zip(items, codes, strict=True)]
         at = max(end, at + tool.serial.period_s)
         kind, items, counter = "toolface", tool.sequence("toolface", 0), counter + 1
     return bytes(out), tuple(words)
-
-
-def _frame(
-    tool: ToolConfiguration, kind: str, items: tuple[SequenceItem, ...], codes: tuple[int, ...], counter: int
-) -> bytes:
-    if tool.serial.format == "ascii":
-        pairs = zip(items, codes, strict=True)
-        return serial_frames.encode_line(
-            [serial_frames.written(item, tool.table[item.name], code) for item, code in pairs], tool.serial.check
-        )
-    return serial_frames.encode((kind, 0), counter, tool.sent(items, codes), items, tool.table_check)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -259,7 +260,8 @@ class Sonde:
         gravity = self._gravity(position[:: self._outputs, 2])
         stamps = self._stamps(index)
         out: dict[str, tuple[Samples, Array]] = {}
-        for name, unit, f_t in zip(("imu/data_raw", "gyro/data_raw"), self._units, inputs.f_t, strict=False):
+        forces = inputs.f_t, inputs.precision_f_t
+        for name, unit, f_t in zip(("imu/data_raw", "gyro/data_raw"), self._units, forces, strict=False):
             out[name] = (unit.samples(inputs.rate_it, f_t, self._margin, stamps, warm, gravity), t)
         if self.precision is None:
             out["gyro/data_raw"] = (wire.IMU.empty(0), t[:0])
@@ -312,7 +314,7 @@ class Sonde:
         truth["stamp_ns"] = stamps
         truth["orientation"] = frames.orientation_et(mat_nt)
         truth["angular_velocity"] = inputs.rate_t[at]
-        truth["specific_force"] = inputs.f_t[0][at]
+        truth["specific_force"] = inputs.f_t[at]
         truth["gravity"] = mat_nt[:, 2, :]
         truth["position"], truth["velocity"] = inputs.position_n[at], inputs.velocity_n[at]
         truth["magnetic_field"], truth["interference"] = earth_t, disturbing_t
@@ -335,8 +337,9 @@ class Sonde:
         if self._inputs is None:
             old = self._inputs_at(first - self._margin, around, around)
         else:
-            old = self._inputs.tail(around)
-        self._inputs = old.joined(self._inputs_at(first + self._margin + 1, steps * n, n))
+            old = TrueInputs(*(values[-around:] for values in self._inputs))
+        new = self._inputs_at(first + self._margin + 1, steps * n, n)
+        self._inputs = TrueInputs(*(np.concatenate(both) for both in zip(old, new, strict=True)))
         return self._inputs
 
     def _inputs_at(self, first: int, count: int, span: int) -> TrueInputs:
@@ -345,12 +348,11 @@ class Sonde:
         if self.string is not None:
             turn, drive = self.string.advance(first, count)
         k = self.motion.at(first, count, float(rate), turn, span)
-        f_t, rate_it = [], np.empty((count, 3))
-        for unit in self._units:
-            f = np.empty((count, 3))
-            sensed(k, unit.lever_t, self._place, rate_it, f)
-            f_t.append(f)
-        return TrueInputs(k.mat_nt, k.rate_t, rate_it, k.position_n, k.velocity_n, k.md, f_t, drive)
+        rate_it, f_t = np.empty((count, 3)), np.empty((count, 3))
+        precision_f_t = np.empty((0 if self.precision is None else count, 3))
+        for unit, force in zip(self._units, (f_t, precision_f_t), strict=False):
+            sensed(k, unit.lever_t, self._place, rate_it, force)
+        return TrueInputs(k.mat_nt, k.rate_t, rate_it, k.position_n, k.velocity_n, k.md, f_t, precision_f_t, drive)
 
     def _gravity(self, down: Array) -> Array:
         return self._place.gravity + self._place.gravity_gradient * down
@@ -465,8 +467,7 @@ def _motion(
 # True motion of the sonde and true inputs of its sensors over an interval, without sensor errors.
 
 
-@dataclasses.dataclass(frozen=True)
-class TrueInputs:
+class TrueInputs(NamedTuple):
     """
     True motion and sensor inputs of n kinematic samples.
 
@@ -476,8 +477,8 @@ class TrueInputs:
         Fields as in `Kinematics`.
     rate_it : ndarray, shape (n, 3)
         Rotation relative to inertial space, rad/s.
-    f_t : list of ndarray, shape (n, 3)
-        Specific force at each unit, m/s^2.
+    f_t, precision_f_t : ndarray, shape (n, 3)
+        Specific force at the conventional unit and at the precision unit, m/s^2; shape (0, 3) without a precision unit.
     drive : ndarray, shape (n, 2)
         Speed, rad/s, and torque, N m, of a top drive that obeys commands; shape (n, 0) without such a top drive.
     """
@@ -488,34 +489,9 @@ class TrueInputs:
     position_n: Array
     velocity_n: Array
     md: Array
-    f_t: list[Array]
+    f_t: Array
+    precision_f_t: Array
     drive: Array
-
-    def tail(self, count: int) -> TrueInputs:
-        """Return the last `count` samples."""
-        return TrueInputs(
-            self.mat_nt[-count:],
-            self.rate_t[-count:],
-            self.rate_it[-count:],
-            self.position_n[-count:],
-            self.velocity_n[-count:],
-            self.md[-count:],
-            [f[-count:] for f in self.f_t],
-            self.drive[-count:],
-        )
-
-    def joined(self, new: TrueInputs) -> TrueInputs:
-        """Return these samples followed by new ones."""
-        return TrueInputs(
-            np.concatenate([self.mat_nt, new.mat_nt]),
-            np.concatenate([self.rate_t, new.rate_t]),
-            np.concatenate([self.rate_it, new.rate_it]),
-            np.concatenate([self.position_n, new.position_n]),
-            np.concatenate([self.velocity_n, new.velocity_n]),
-            np.concatenate([self.md, new.md]),
-            [np.concatenate(pair) for pair in zip(self.f_t, new.f_t, strict=True)],
-            np.concatenate([self.drive, new.drive]),
-        )
 
 
 # Flow of pumps that obey commands: the scheduled flow times a share that ramps to a command and back to 1.

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mwd_sensors.telemetry import carrier, serial_frames
-from mwd_sensors.telemetry.carrier import BlockName
+from mwd_sensors.telemetry.carrier import BlockName, Complex
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
@@ -84,11 +84,8 @@ def signal(tool: ToolConfiguration, group: Group, sent: Sequence[int], counter: 
     counter : int
         Counter of serial frames.
     """
-    lengths = [item.length for item in group.items]
     if tool.code == "psk":
-        name = BlockName(group.kind, group.number, group.place)
-        bits = carrier.block_bits(tool.carrier, name, sent, lengths, tool.table_check)
-        phases = np.angle(carrier.symbols(tool.carrier, bits)) % (2.0 * np.pi)
+        phases = np.angle(block_symbols(tool, group, sent)) % (2.0 * np.pi)
         return GroupSignal(tool.carrier.block_s, tool.carrier.block_s, phases=tuple(phases.tolist()))
     if tool.code == "serial":
         octets = _frame(tool, group, sent, counter)
@@ -96,11 +93,17 @@ def signal(tool: ToolConfiguration, group: Group, sent: Sequence[int], counter: 
         return GroupSignal(on_line, max(on_line, tool.serial.period_s), octets=octets)
     edges: list[float] = []
     at = 0
-    for code, length in zip(sent, lengths, strict=True):
+    for code, length in zip(sent, (item.length for item in group.items), strict=True):
         one = tool.pulses(code, length)
         edges += [(at + edge) * tool.tu_s for edge in one.edges]
         at += one.length
     return GroupSignal(at * tool.tu_s, at * tool.tu_s, edges_s=tuple(edges))
+
+
+def block_symbols(tool: ToolConfiguration, group: Group, sent: Sequence[int]) -> Complex:
+    """Return the symbols of a block, shape (block_symbols,), each of magnitude 1; `sent` as in `signal`."""
+    name, lengths = BlockName(group.kind, group.number, group.place), [item.length for item in group.items]
+    return carrier.symbols(tool.carrier, carrier.block_bits(tool.carrier, name, sent, lengths, tool.table_check))
 
 
 def sync(tool: ToolConfiguration) -> GroupSignal:

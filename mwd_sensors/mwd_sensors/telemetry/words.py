@@ -115,22 +115,13 @@ class Word:
             return float(self.low * (self.high / self.low) ** (code / (count - 1)))
         return self.low + code * self.step(bits)
 
-    def sigma_of(self, bits: int = 0, rate: float = 0.0, age_s: float = 0.0) -> float:
+    def sigma_of(self, bits: int = 0) -> float:
         """
-        Return 1 sigma of a correctly received word, in the unit of the word.
+        Return 1 sigma of a correctly received word, in the unit of the word: sqrt(sensor^2 + step^2 / 12).
 
-        The result is sqrt(sensor^2 + step^2 / 12 + (rate age)^2): measurement, rounding, and change since then.
-
-        Parameters
-        ----------
-        bits : int
-            Number of bits of the word; 0 uses `Word.bits`.
-        rate : float
-            1 sigma of the rate of change of the value, unit / s.
-        age_s : float
-            Time since the measurement.
+        bits: number of bits of the word; 0 uses `Word.bits`.
         """
-        return math.sqrt(self.sigma**2 + self.step(bits) ** 2 / 12.0 + (rate * age_s) ** 2)
+        return math.sqrt(self.sigma**2 + self.step(bits) ** 2 / 12.0)
 
 
 # Words that kits commonly send, by the names in their configurations; `words` of a tool configuration replaces them.

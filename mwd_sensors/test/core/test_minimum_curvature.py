@@ -172,7 +172,7 @@ def test_turn_goes_the_short_way_through_north_and_is_zero_where_vertical():
 
 def test_vertical_section_is_the_distance_along_its_azimuth():
     assert mc.vertical_section([[3.0, 4.0, 9.0]], np.arctan2(4.0, 3.0))[0] == pytest.approx(5.0)
-    assert mc.vertical_section([3.0, 4.0], 0.0, origin=(1.0, 4.0)) == pytest.approx(2.0)
+    assert mc.vertical_section([3.0, 4.0], 0.0) == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize(

@@ -41,9 +41,9 @@ def test_sigma_is_that_of_the_rounding():
     assert_consistent(errors, word.sigma_of(), name="rounding")
 
 
-def test_sigma_grows_with_the_sensor_and_the_age():
+def test_sigma_grows_with_that_of_the_sensor():
     word = Word(12, 0.0, 360.0, "deg", sigma=0.3)
-    assert word.sigma_of(rate=0.1, age_s=4.0) == pytest.approx(np.sqrt(0.3**2 + word.step() ** 2 / 12.0 + 0.16))
+    assert word.sigma_of() == pytest.approx(np.sqrt(0.3**2 + word.step() ** 2 / 12.0))
 
 
 def test_impossible_words_are_refused():

@@ -96,7 +96,7 @@ class RowReference:
     """
 
     def __init__(self, settings: EstimatorSettings) -> None:
-        from mwd_estimation.pipeline.observatory import Observatory
+        from mwd_estimation.pipeline.external_field import Observatory
 
         self._settings, self._observatory = settings, Observatory(settings.place)
 

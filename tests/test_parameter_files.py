@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameter file of a node: what it says is what the settings are, and every line is explained."""
+"""Parameter files say what the settings are, every line explained; the reference has users' parameters first."""
 
 import dataclasses
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 
 import yaml
 
 from mwd_sensors.core.settings import from_mapping, setting, to_mapping
-from mwd_sensors.core.settings_yaml import parameter_file
+
+ROOT = Path(__file__).resolve().parent.parent
+# A program without the suffix .py, which is not a module that can be imported by name.
+_LOADER = SourceFileLoader("ci_config", str(ROOT / ".ci/config"))
+config = module_from_spec(spec_from_loader("ci_config", _LOADER))
+_LOADER.exec_module(config)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,7 +38,7 @@ def parameters(text, node="sonde"):
 
 def test_the_file_gives_back_the_settings_it_was_made_of():
     settings = Outer(5, "Ann: the 'best'", Inner(0.5), (7.0,), ["a", "b"])
-    read = parameters(parameter_file("sonde", settings))
+    read = parameters(config.parameter_file("sonde", settings))
     assert read.pop("autostart") is True
     assert read.pop("frame_prefix") == "auto"
     assert from_mapping(Outer, read) == settings
@@ -39,7 +46,7 @@ def test_the_file_gives_back_the_settings_it_was_made_of():
 
 
 def test_every_setting_has_its_meaning_unit_and_bounds_above_it():
-    lines = parameter_file("sonde", Outer()).splitlines()
+    lines = config.parameter_file("sonde", Outer()).splitlines()
     at = next(k for k, line in enumerate(lines) if line.strip() == "gain: 30.0")
     assert lines[at - 1].strip() == "# how strongly [1/s] (0 to 100)"
     # A group is indented below its name.
@@ -50,7 +57,7 @@ def test_every_setting_has_its_meaning_unit_and_bounds_above_it():
 
 
 def test_a_number_with_a_point_keeps_it_and_a_text_stays_a_text():
-    text = parameter_file("sonde", Outer())
+    text = config.parameter_file("sonde", Outer())
     # ROS refuses 30 where a parameter is declared as 30.0, and true where it is a text.
     assert "gain: 30.0\n" in text
     assert "count: 3\n" in text
@@ -59,18 +66,40 @@ def test_a_number_with_a_point_keeps_it_and_a_text_stays_a_text():
 
 
 def test_an_empty_list_is_one_empty_text_because_a_parameter_file_has_none():
-    assert parameters(parameter_file("sonde", Outer()))["nobody"] == [""]
+    assert parameters(config.parameter_file("sonde", Outer()))["nobody"] == [""]
 
 
 def test_lines_keep_within_their_length():
-    assert max(map(len, parameter_file("sonde", Outer()).splitlines())) <= 120
+    assert max(map(len, config.parameter_file("sonde", Outer()).splitlines())) <= 120
 
 
 def test_the_file_holds_for_a_node_in_any_namespace():
-    assert list(yaml.safe_load(parameter_file("estimator", Inner()))) == ["/**"]
-    assert "gain" in parameters(parameter_file("estimator", Inner()), "estimator")
+    assert list(yaml.safe_load(config.parameter_file("estimator", Inner()))) == ["/**"]
+    assert "gain" in parameters(config.parameter_file("estimator", Inner()), "estimator")
 
 
 def test_the_shipped_file_is_of_this_form():
-    path = Path(__file__).resolve().parents[2] / "config" / "sonde.yaml"
+    path = ROOT / "mwd_sensors" / "config" / "sonde.yaml"
     assert parameters(path.read_text(encoding="utf-8"))["scenario"] == "default"
+
+
+@dataclasses.dataclass(frozen=True)
+class InnerOfTable:
+    gain: float = setting(0.5, "Gain | of it.", unit="1/s", low=0.0, high=2.0, expert=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    inner: InnerOfTable = setting(InnerOfTable, "Inner")
+    mode: str = setting("a", "What to do.", choices=("a", "b"))
+    axes: tuple[float, float] = setting((1.0, 2.0), "Both axes.", low=0.1)
+    on: bool = setting(True, "Do it.")
+
+
+def test_users_parameters_come_first_and_say_type_default_unit_and_range():
+    plain, expert = config.parameter_tables(Table()).split("### For experts")
+    assert "| `mode` | string | a |  | a, b | What to do. |" in plain
+    assert "| `axes` | double[] | 1, 2 |  | at least 0.1 | Both axes. |" in plain
+    assert "| `on` | bool | true |" in plain
+    assert "| `inner.gain` | double | 0.5 | 1/s | 0 to 2 | Gain \\| of it. |" in expert
+    assert "For experts" not in config.parameter_tables(InnerOfTable())
