@@ -99,9 +99,8 @@ def well_clearance(
     path = surveys.definitive(leg, bit_depth)
     bit = float(path.md[-1])
     path = continued(path, plan, offsets.ahead_m)
-    records = [surveys.find(number) if number else None for number in path.sequence]
     try:
-        well = uncertain_well(surveys, path, records, 0.5 * offsets.hole_diameter_m)
+        well = uncertain_well(surveys, path, 0.5 * offsets.hole_diameter_m)
         well = dataclasses.replace(well, surveyed=surveyed)
         check_plausible(well, offsets.rule)
         found, remarks = clearances(well, offsets, quoting)

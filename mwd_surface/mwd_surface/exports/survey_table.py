@@ -113,12 +113,12 @@ class SurveyTable:
     @property
     def deviations(self) -> tuple[Deviation, ...]:
         """Deviation from the plan at every station, at the bit and ahead of the bit; empty without a plan."""
-        return deviations(self.surveys, self.path, self.records)
+        return deviations(self.surveys, self.path)
 
     @property
     def closure(self) -> Closure | None:
         """Closure of the path on the surveyed point of the well; None if no point is given."""
-        return closure(self.surveys, self.path, self.records)
+        return closure(self.surveys, self.path)
 
     @property
     def rows(self) -> range:
@@ -191,11 +191,10 @@ def table_of(
     plan = surveys.plan
     path, left_out = _finite(path)
     left_out += _without_depth(surveys)
-    by_number = {r.survey.sequence: r for r in surveys.records}
-    records = tuple(by_number.get(s) if s else None for s in path.sequence)
+    records = surveys.records_on(path)
     used = [r.survey for r in records if r is not None]
     reference = next((s for s in reversed(used) if s.has_reference), None)
-    known = uncertain(surveys, path, records)
+    known = uncertain(surveys, path)
     covariance, note = known.covariance, known.note
     display = Display(angles=surveys.well.angles)
     columns = _columns(path, covariance, plan, display)

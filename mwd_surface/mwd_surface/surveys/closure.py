@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,10 +19,9 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_nt
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well_position import uncertain
 from mwd_surface.trajectory.plan import azimuth_at
-from mwd_surface.trajectory.well_path import Definitive, path_of
+from mwd_surface.trajectory.well_path import Definitive
 
 CONSISTENT, DOUBTFUL, INCONSISTENT, UNKNOWN = "consistent", "doubtful", "not consistent", "not known"
 # Limits of the probability of a larger closure error by chance. Below the first limit the closure is doubtful, below
@@ -64,13 +62,12 @@ class Closure:
     note: str = ""
 
 
-def closure(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None]) -> Closure | None:
+def closure(surveys: SurveyList, path: Definitive) -> Closure | None:
     """
     Return the closure of a path of the list on the surveyed point of the well; None if no point is given.
 
-    records: record of each station of the path; None for tie-ons and the projection to the bit. If the point belongs to
-    another leg, the path of that leg is used. If the closure error cannot be computed, the result has only a note with
-    the reason.
+    If the point belongs to another leg, the path of that leg is used. If the closure error cannot be computed, the
+    result has only a note with the reason.
     """
     mine = surveys.well.mine
     point, opening = mine.closure_point, mine.opening
@@ -86,17 +83,15 @@ def closure(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecor
             path = surveys.definitive(leg)
         except ValueError:
             return Closure(leg, note="the hole has no leg of this name; correct closure_leg")
-        by_number = {record.survey.sequence: record for record in surveys.records}
-        records = [by_number.get(number) if number else None for number in path.sequence]
     depth = float(path.md[-1]) if mine.closure_depth is None else mine.closure_depth
     if path.md.size < 2 or not path.md[0] <= depth <= path.md[-1]:
         text = "the path does not reach the depth of the surveyed point; survey further or correct closure_depth"
         return Closure(leg, depth, sigma_point=mine.closure_sigma, note=text)
-    there, known, k = _with_station(path, list(records), depth)
+    there, k = _with_station(path, depth)
     error = there.positions[k] - [point[0] - opening[0], point[1] - opening[1], opening[2] - point[2]]
     axes = _looking_along(float(there.inclination[k]), float(there.azimuth[k]))
     right, up, along = (float(value) for value in axes @ error)
-    found = uncertain(surveys, there, known)
+    found = uncertain(surveys, there)
     sigmas, probability = np.full(3, math.nan), math.nan
     if found.covariance is not None and np.isfinite(found.covariance[k]).all():
         own = axes @ found.covariance[k] @ axes.T
@@ -133,31 +128,21 @@ def _looking_along(inclination: float, azimuth: float) -> Array:
     return np.stack([-mat[:, 1], mat[:, 2], mat[:, 0]])
 
 
-def _with_station(
-    path: Definitive, records: list[SurveyRecord | None], depth: float
-) -> tuple[Definitive, list[SurveyRecord | None], int]:
-    """
-    Return the path with a station at a measured depth, the records of its stations, and the index of that station.
-
-    depth: m; a station is inserted unless the path has one there. The record of an inserted station is None.
-    """
+def _with_station(path: Definitive, depth: float) -> tuple[Definitive, int]:
+    """Return the path with a station at a measured depth, m, inserted if it has none there, and its index."""
     k = int(np.argmin(np.abs(path.md - depth)))
     if abs(float(path.md[k]) - depth) <= _SAME:
-        return path, records, k
+        return path, k
     k = int(np.searchsorted(path.md, depth))
     inclination, azimuth, position = path.at(depth)
     md, inc, azi = (
         np.insert(values, k, value)
         for values, value in ((path.md, depth), (path.inclination, inclination), (path.azimuth, azimuth))
     )
-    longer = path_of(
-        path.leg,
-        path.north,
-        path.section_azimuth,
+    longer = path.through(
         (md, *mc.checked_stations(md, inc, azi)[1:]),
         np.insert(path.positions, k, position, axis=0),
         (*path.kind[:k], path.kind[k], *path.kind[k:]),
         (*path.sequence[:k], 0, *path.sequence[k:]),
     )
-    longer = dataclasses.replace(longer, assumptions=path.assumptions)
-    return longer, [*records[:k], None, *records[k:]], k
+    return longer, k

@@ -11,13 +11,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from mwd_surface.surveys.branches import legs_of
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well_position import AHEAD, continued, uncertain
 from mwd_surface.trajectory.plan import across, offset_from, plan_of
 from mwd_surface.trajectory.well_path import Definitive
@@ -59,18 +57,13 @@ class Deviation:
     z: float
 
 
-def deviations(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None]) -> tuple[Deviation, ...]:
-    """
-    Return the deviation of a path of the list from the plan of the list; empty without a plan or a survey.
-
-    records: record of each station of the path; None for tie-ons and the projection to the bit.
-    """
+def deviations(surveys: SurveyList, path: Definitive) -> tuple[Deviation, ...]:
+    """Return the deviation of a path of the list from the plan of the list; empty without a plan or a survey."""
     plan = surveys.plan
     if plan is None or path.md.size < 2:
         return ()
     longer = _straight_on(path)
-    known = [*records, *[None] * (longer.md.size - path.md.size)]
-    covariance = uncertain(surveys, longer, known).covariance
+    covariance = uncertain(surveys, longer).covariance
     opening = surveys.well.mine.opening
     legs = legs_of(surveys, longer)
     rows = []
@@ -82,10 +75,9 @@ def deviations(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRe
         if covariance is not None:
             axes = across(plan, offset.plan_md)
             sigma = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", axes, covariance[k], axes), 0.0))
-        record = known[k]
         rows.append(
             Deviation(
-                station=str(record.survey.sequence) if record is not None else "",
+                station=str(longer.sequence[k] or ""),
                 leg=legs[k],
                 kind=longer.kind[k],
                 measured_depth=float(longer.md[k]),

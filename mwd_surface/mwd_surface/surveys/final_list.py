@@ -236,9 +236,7 @@ def _with(
 def _path(whole: FinalList) -> tuple[Definitive, Array]:
     """Return the path and the covariance of its stations, shape (n, 3, 3), m^2."""
     path = whole.surveys.definitive()
-    by_number = {r.survey.sequence: r for r in whole.surveys.records}
-    records = [by_number.get(number) if number else None for number in path.sequence]
-    return path, uncertain_well(whole.surveys, path, records, programme=whole.programme).covariance()
+    return path, uncertain_well(whole.surveys, path, programme=whole.programme).covariance()
 
 
 def _horizontal_sigma(path: Definitive, covariance: Array, md: float) -> float:

@@ -246,10 +246,8 @@ def list_cells(surveys: SurveyList, display: Display = AS_STORED) -> list[dict[s
     beside: dict[int, dict[str, str]] = {}
     for leg in surveys.legs:
         path = surveys.definitive(leg.name)
-        by_number = {r.survey.sequence: r for r in surveys.records}
-        records = tuple(by_number.get(number) if number else None for number in path.sequence)
-        found = beside_path(path, uncertain(surveys, path, records).covariance, surveys.plan)
-        for k, record in enumerate(records):
+        found = beside_path(path, uncertain(surveys, path).covariance, surveys.plan)
+        for k, record in enumerate(surveys.records_on(path)):
             if record is not None and record.leg == leg.name:
                 values = {source: rows[k] for source, rows in found.items()}
                 beside[record.survey.sequence] = {

@@ -108,6 +108,11 @@ class SurveyList:
         """
         return leg_path(self, self.find_leg(leg), [r for r in self.records if r.in_use], bit_depth)
 
+    def records_on(self, path: Definitive) -> tuple[SurveyRecord | None, ...]:
+        """Return the record of each station of a path of this list; None for a station without a survey."""
+        by_number = {r.survey.sequence: r for r in self.records}
+        return tuple(by_number.get(number) if number else None for number in path.sequence)
+
     def add(
         self,
         survey: Survey,

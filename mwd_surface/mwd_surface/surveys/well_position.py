@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +24,9 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import Plan, interpolated, nearest
-from mwd_surface.trajectory.well_path import Definitive, path_of
+from mwd_surface.trajectory.well_path import Definitive
 from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError, ErrorReference
 from mwd_surface.uncertainty.programme import ROTARY, ROTARY_CODE, ProgrammeStations, SurveyProgramme, read_programme
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
@@ -38,15 +36,13 @@ _OF_START = (RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.TIE_ON_ASSUMED)
 
 
 @dataclasses.dataclass(frozen=True)
-class UncertainPath:
+class PathCovariance:
     """
-    A path and its uncertainty.
+    Covariance of the stations of a path.
 
-    path: stations, projection and planned stations. covariance: shape (n, 3, 3), m^2 in the axes of the path, or None;
-    note: the error model, or why there is no covariance.
+    covariance: shape (n, 3, 3), m^2 in the axes of the path, or None; note: the error model, or why it is None.
     """
 
-    path: Definitive
     covariance: Array | None
     note: str
 
@@ -90,41 +86,36 @@ def error_reference(well: Well, survey: Survey) -> ErrorReference:
     )
 
 
-def uncertain(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None]) -> UncertainPath:
-    """
-    Return a path of the list with its covariance; no covariance if the start is assumed or no error model applies.
-
-    records: record of each station of the path; None for tie-ons, projection and planned stations.
-    """
+def uncertain(surveys: SurveyList, path: Definitive) -> PathCovariance:
+    """Return the covariance of a path of the list; there is none if the start is assumed or no error model applies."""
     # The error model describes the errors of measurements, not the error of an assumption.
     made_up = [one.text for one in path.assumptions if one.kind in _OF_START]
     if made_up:
-        return UncertainPath(path, None, f"not given, because the coordinates are assumed: {'; '.join(made_up)}")
+        return PathCovariance(None, f"not given, because the coordinates are assumed: {'; '.join(made_up)}")
     try:
-        covariance = uncertain_well(surveys, path, records).covariance()
+        covariance = uncertain_well(surveys, path).covariance()
     except (CovarianceUnavailableError, ValueError) as error:
-        return UncertainPath(path, None, str(error))
+        return PathCovariance(None, str(error))
     well = surveys.well
     what = f"survey programme {Path(well.programme).name}" if well.programme else f"error model {well.error_model}"
-    turning = sum(r is not None and r.survey.kind == SURVEY_ROTARY for r in records)
+    turning = sum(r is not None and r.survey.kind == SURVEY_ROTARY for r in surveys.records_on(path))
     what += (
         f" ({turning} rotary surveys: {ROTARY_CODE.removeprefix('ISCWSA ')})" if turning and not well.programme else ""
     )
     beside = "".join(f"; not including the error of an assumption: {one.text}" for one in path.assumptions)
-    return UncertainPath(path, covariance, f"{what} (ISCWSA), 1 sigma, relative to the first station{beside}")
+    return PathCovariance(covariance, f"{what} (ISCWSA), 1 sigma, relative to the first station{beside}")
 
 
 def uncertain_well(
     surveys: SurveyList,
     path: Definitive,
-    records: Sequence[SurveyRecord | None],
     radius: float = 0.0,
     programme: SurveyProgramme | None = None,
 ) -> UncertainWell:
     """
     Return a path of the list with the survey tools of its stations.
 
-    records: as in `uncertain`. radius: radius of the hole, m. programme: survey programme, by default from the well.
+    radius: radius of the hole, m. programme: survey programme, by default from the well.
 
     Raises
     ------
@@ -132,6 +123,7 @@ def uncertain_well(
         No survey in use has a reference field, there is neither programme nor tool code, or the programme does not
         cover the stations.
     """
+    records = surveys.records_on(path)
     reference = next((r.survey for r in reversed(records) if r is not None and r.survey.has_reference), None)
     if reference is None:
         raise ValueError("no survey in use has a reference field")
@@ -145,19 +137,20 @@ def uncertain_well(
         path.azimuth,
         path.positions,
         path.north,
-        programme.errors(programme_stations(path, records)),
+        programme.errors(programme_stations(surveys, path)),
         error_reference(surveys.well, reference),
         radius,
         remarks=surveys.remarks,
     )
 
 
-def programme_stations(path: Definitive, records: Sequence[SurveyRecord | None]) -> ProgrammeStations:
+def programme_stations(surveys: SurveyList, path: Definitive) -> ProgrammeStations:
     """
     Return the stations of a path in the form that a survey programme needs.
 
     A station without a survey gets leg and tool of the station above.
     """
+    records = surveys.records_on(path)
     sigmas = np.full((path.md.size, 2), np.nan)
     legs, tools, methods = [path.leg] * path.md.size, [""] * path.md.size, [""] * path.md.size
     leg, tool = path.leg, ""
@@ -203,13 +196,9 @@ def continued(path: Definitive, plan: Plan | None, reach: float, step: float = 3
     azi = np.append(path.azimuth, whole.azimuth[ahead])
     n = path.md.size
     beyond = mc.path(md[n - 1 :], inc[n - 1 :], azi[n - 1 :], path.positions[-1])[1:]
-    longer = path_of(
-        path.leg,
-        North(path.north),
-        path.section_azimuth,
+    return path.through(
         (md, inc, azi),
         np.vstack([path.positions, beyond]),
         (*path.kind, *[AHEAD] * len(beyond)),
         (*path.sequence, *[0] * len(beyond)),
     )
-    return dataclasses.replace(longer, assumptions=path.assumptions)

@@ -88,6 +88,13 @@ class Definitive:
         inc, azi, position = mc.interpolate(self.md, self.inclination, self.azimuth, self.positions, md)
         return float(inc), float(azi), position
 
+    def through(
+        self, stations: tuple[Array, Array, Array], positions: Array, kind: tuple[str, ...], sequence: tuple[int, ...]
+    ) -> Definitive:
+        """Return the path of the same leg through other stations; the arguments are those of `path_of`."""
+        path = path_of(self.leg, self.north, self.section_azimuth, stations, positions, kind, sequence)
+        return dataclasses.replace(path, assumptions=self.assumptions)
+
 
 def projected(path: Definitive, bit_depth: float, how: str) -> Definitive:
     """
@@ -126,10 +133,7 @@ def projected(path: Definitive, bit_depth: float, how: str) -> Definitive:
     md, incs, azis = np.append(path.md, bit_depth), np.append(path.inclination, inc), np.append(path.azimuth, azi)
     bit = mc.path(md[-2:], incs[-2:], azis[-2:], path.positions[-1])[-1]
     kind, sequence = (*path.kind, PROJECTED), (*path.sequence, 0)
-    longer = path_of(
-        path.leg, path.north, path.section_azimuth, (md, incs, azis), np.vstack([path.positions, bit]), kind, sequence
-    )
-    return dataclasses.replace(longer, assumptions=path.assumptions)
+    return path.through((md, incs, azis), np.vstack([path.positions, bit]), kind, sequence)
 
 
 def path_of(

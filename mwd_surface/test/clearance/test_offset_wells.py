@@ -26,7 +26,7 @@ REFERENCE = ErrorReference(math.radians(60), 50e-6, math.radians(72), math.radia
 def drilled():
     whole = example.surveys()
     path = whole.definitive(bit_depth=642.5)
-    return uncertain_well(whole, path, [whole.find(s) if s else None for s in path.sequence], 0.155)
+    return uncertain_well(whole, path, 0.155)
 
 
 def listed(tmp_path, north="grid"):

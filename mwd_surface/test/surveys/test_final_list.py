@@ -122,11 +122,10 @@ def test_a_kick_off_between_two_stations_of_a_source_has_the_tool_code_of_that_s
     whole = two_legs()
     final = final_list([ListSource("run", whole, "MWD+SRGM"), ListSource("ifr", gyro(), "MWD+IFR1+MS")])
     path = final.surveys.definitive()
-    records = {r.survey.sequence: r for r in final.surveys.records}
     kick_off = path.sequence.index(0, 1)
     around = {final.sources[path.sequence[k]] for k in (kick_off - 1, kick_off + 1)}
     assert around == {"ifr"}
-    stations = programme_stations(path, [records.get(number) for number in path.sequence])
+    stations = programme_stations(final.surveys, path)
     tool = final.programme.errors(stations).tools[kick_off]
     assert tool is not None
     assert tool.code == "MWD+IFR1+MS"

@@ -15,13 +15,12 @@ PLAN = plan_of(MD, np.clip(np.radians((MD - 300.0) / 7.5), 0.0, np.radians(60.0)
 def test_the_plan_ahead_has_its_ellipses():
     whole = example.surveys()
     path = continued(whole.definitive(bit_depth=642.5), PLAN, 300.0)
-    records = [whole.find(s) if s else None for s in path.sequence]
-    known = uncertain(whole, path, records)
+    known = uncertain(whole, path)
     ahead = np.array(path.kind) == AHEAD
     assert 9 <= ahead.sum() <= 10
     assert path.md[-1] <= 642.5 + 300.0
     volume = np.linalg.det(known.covariance[:, :2, :2])
-    assert np.all(np.diff(volume[len(records) - ahead.sum() - 1 :]) > 0.0)
+    assert np.all(np.diff(volume[path.md.size - ahead.sum() - 1 :]) > 0.0)
 
 
 def test_the_path_ahead_runs_beside_the_plan_as_far_as_the_well_does_now():
