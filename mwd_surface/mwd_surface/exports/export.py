@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Callable
+import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,17 +23,30 @@ class ExportError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class Format:
-    """Format of a file: its ending, word for the file name, description, and function that returns the bytes."""
+    """
+    Format of a file: its ending, word for the file name, description, and module and function that make its content.
+
+    of_well: whether the function gets the columns and the head block in the display units of the well.
+    """
 
     ending: str
     word: str
     what: str
-    make: Callable[[SurveyTable], bytes]
+    writer: tuple[str, str]
+    of_well: bool = False
 
     @property
     def is_report(self) -> bool:
         """Whether the file has the sections of the report."""
         return self.word == "report"
+
+    def make(self, table: SurveyTable) -> bytes:
+        """Return the bytes of the file."""
+        module, function = self.writer
+        # Import the module only now: listing the formats (command help, page) must be fast.
+        write = getattr(importlib.import_module(f"mwd_surface.exports.{module}"), function)
+        content: str | bytes = write(_in_units_of_the_well(table) if self.of_well else table)
+        return content.encode() if isinstance(content, str) else content
 
 
 def _in_units_of_the_well(table: SurveyTable) -> SurveyTable:
@@ -48,78 +61,18 @@ def _in_units_of_the_well(table: SurveyTable) -> SurveyTable:
     return dataclasses.replace(table.shown(display), header=header)
 
 
-# Import the module of a format only when a file is written: listing the formats (command help, page) must be fast.
-
-
-def _csv(table: SurveyTable) -> bytes:
-    from mwd_surface.exports.export_csv import definitive_csv
-
-    return definitive_csv(_in_units_of_the_well(table)).encode()
-
-
-def _raw_csv(table: SurveyTable) -> bytes:
-    from mwd_surface.exports.export_csv import raw_csv
-    from mwd_surface.surveys.imported_list import provenance_of
-
-    # The raw list has no row for the tie-on. Its surveys form one path only if all surveys in use belong to one leg.
-    legs = {r.leg for r in table.surveys.records if r.in_use}
-    provenance = provenance_of(table.surveys, legs.pop() if len(legs) == 1 else None, whole=False)
-    header = _in_units_of_the_well(table).header
-    return raw_csv(table.surveys, header, (*table.left_out, *table.remarks, *provenance.lines())).encode()
-
-
-def _las(table: SurveyTable) -> bytes:
-    from mwd_surface.exports.export_las import las
-
-    return las(_in_units_of_the_well(table)).encode()
-
-
-def _witsml(table: SurveyTable) -> bytes:
-    from mwd_surface.exports.export_witsml import witsml
-
-    return witsml(_in_units_of_the_well(table)).encode()
-
-
-def _html(table: SurveyTable) -> bytes:
-    from mwd_surface.exports.report_html import report_html
-
-    return report_html(table).encode()
-
-
-def _pdf(table: SurveyTable) -> bytes:
-    from mwd_surface.exports.report_pdf import report_pdf
-
-    return report_pdf(table)
-
-
-def _deviation(table: SurveyTable) -> bytes:
-    from mwd_surface.exports.deviation_csv import deviation_csv
-
-    return deviation_csv(table).encode()
-
-
-def _dxf(table: SurveyTable) -> bytes:
-    from mwd_surface.exports.export_dxf import dxf
-
-    return dxf(table)
-
-
-def _xlsx(table: SurveyTable) -> bytes:
-    from mwd_surface.exports.export_xlsx import xlsx
-
-    return xlsx(table)
-
-
 FORMATS: dict[str, Format] = {
-    "html": Format(".html", "report", "survey report, HTML", _html),
-    "pdf": Format(".pdf", "report", "survey report, PDF", _pdf),
-    "csv": Format(".csv", "definitive", "definitive survey, CSV", _csv),
-    "raw_csv": Format(".csv", "raw", "every survey with six axes, CSV", _raw_csv),
-    "las": Format(".las", "definitive", "definitive survey, LAS 2.0", _las),
-    "deviation": Format(".csv", "deviation", "deviation from the design, CSV", _deviation),
-    "dxf": Format(".dxf", "drawing", "plan and section, DXF", _dxf),
-    "xlsx": Format(".xlsx", "report", "survey report, workbook", _xlsx),
-    "witsml": Format(".xml", "trajectory", "definitive survey, WITSML 1.4.1.1", _witsml),
+    "html": Format(".html", "report", "survey report, HTML", ("report_html", "report_html")),
+    "pdf": Format(".pdf", "report", "survey report, PDF", ("report_pdf", "report_pdf")),
+    "csv": Format(".csv", "definitive", "definitive survey, CSV", ("export_csv", "definitive_csv"), of_well=True),
+    "raw_csv": Format(".csv", "raw", "every survey with six axes, CSV", ("export_csv", "raw_csv_of"), of_well=True),
+    "las": Format(".las", "definitive", "definitive survey, LAS 2.0", ("export_las", "las"), of_well=True),
+    "deviation": Format(".csv", "deviation", "deviation from the design, CSV", ("deviation_csv", "deviation_csv")),
+    "dxf": Format(".dxf", "drawing", "plan and section, DXF", ("export_dxf", "dxf")),
+    "xlsx": Format(".xlsx", "report", "survey report, workbook", ("export_xlsx", "xlsx")),
+    "witsml": Format(
+        ".xml", "trajectory", "definitive survey, WITSML 1.4.1.1", ("export_witsml", "witsml"), of_well=True
+    ),
 }
 
 

@@ -41,6 +41,14 @@ def definitive_csv(table: SurveyTable) -> str:
     return "".join(f"{line}\n" for line in head) + survey_csv.text(lines, display=table.display)
 
 
+def raw_csv_of(table: SurveyTable) -> str:
+    """Return all surveys of the list of a table below its head block, with the table's sentences as comments."""
+    # The raw list has no row for the tie-on. Its surveys form one path only if all surveys in use belong to one leg.
+    legs = {r.leg for r in table.surveys.records if r.in_use}
+    provenance = provenance_of(table.surveys, legs.pop() if len(legs) == 1 else None, whole=False)
+    return raw_csv(table.surveys, table.header, (*table.left_out, *table.remarks, *provenance.lines()))
+
+
 def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = (), notes: Iterable[str] = ()) -> str:
     """
     Return all surveys of the list in order of number, in use or not; azimuths are from each survey's own north.
