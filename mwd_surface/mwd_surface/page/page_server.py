@@ -31,13 +31,13 @@ from aiohttp.http_exceptions import HttpProcessingError
 from mwd_sensors.core import budgets
 from mwd_sensors.core.foreign_text import not_a_file_name
 from mwd_surface.exports.export import FORMATS
+from mwd_surface.language.language import language
 from mwd_surface.loopback import port_problem, refused_host
 from mwd_surface.page.access import SecretAccess
 from mwd_surface.page.commands import COMMANDS, Command, checked_arguments, is_safe, may_be_safe
 from mwd_surface.page.request_body import json_object, read_body
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_feed import Client, Seen, StateFeed, dumps
-from mwd_surface.page.words_route import words_handler
 
 # Files of the page, read once and served from memory.
 
@@ -61,6 +61,32 @@ def page_files(folder: Path) -> dict[str, tuple[bytes, str]]:
     if "index.html" not in found:
         raise FileNotFoundError(errno.ENOENT, "the page's files are missing; install mwd_surface again", str(folder))
     return found
+
+
+def words_handler(default: str) -> Callable[[web.Request], Awaitable[web.Response]]:
+    """
+    Return the handler of ``words.json?lang=CODE``.
+
+    default: language for a request without a code, or with a code that has no catalogue.
+
+    Raises
+    ------
+    ValueError
+        There is no catalogue for the default language.
+    """
+    language(default)
+
+    def text(code: str) -> str:
+        try:
+            return dumps(language(code).table())
+        except ValueError:
+            return dumps(language(default).table())
+
+    async def send(request: web.Request) -> web.Response:
+        body = await asyncio.to_thread(text, request.query.get("lang") or default)
+        return web.Response(text=body, content_type="application/json", headers={"Cache-Control": "no-cache"})
+
+    return send
 
 
 def sender(body: bytes, kind: str) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:

@@ -9,6 +9,8 @@ never by a node number. Values are in SI and rad; every variable has its unit.
 from __future__ import annotations
 
 import dataclasses
+import datetime as dt
+from typing import Any
 
 from mwd_surface.live.inputs import SONDE
 from mwd_surface.live.toolface import GRAVITY
@@ -21,6 +23,7 @@ from mwd_surface.signals.units import UNITS
 MANIFEST = "MWDSurveyManifest"
 NAMESPACE = f"http://ddhub.no/{MANIFEST}/Variables/"
 UNITS_NAMESPACE = "http://www.opcfoundation.org/UA/units/un/cefact"
+EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
 # Status codes of OPC 10000-4, annex A, for each condition of a value.
 STATUS_CODES: dict[Condition, int] = {
     Condition.GOOD: 0x00000000,
@@ -51,6 +54,24 @@ class VariableValue:
     value: float | int | bool | str
     status: int
     stamp_ns: int
+
+    def data_value(self, ua: Any, kind: str) -> Any:
+        """
+        Return a DataValue; source timestamp: time of the measurement, server timestamp: present time.
+
+        ua: `asyncua.ua`; kind: name of the variable's `VariantType`. A value without a stamp has no source timestamp.
+        """
+        return ua.DataValue(
+            ua.Variant(self.value, getattr(ua.VariantType, kind)),
+            StatusCode=ua.StatusCode(self.status),
+            SourceTimestamp=moment(self.stamp_ns) if self.stamp_ns else None,
+            ServerTimestamp=dt.datetime.now(dt.UTC),
+        )
+
+
+def moment(stamp_ns: int) -> dt.datetime:
+    """Return a stamp, ns since the epoch, as a UTC datetime with microseconds."""
+    return EPOCH + dt.timedelta(microseconds=stamp_ns // 1000)
 
 
 VARIABLES: tuple[Variable, ...] = tuple(

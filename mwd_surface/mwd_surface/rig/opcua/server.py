@@ -39,6 +39,7 @@ from mwd_surface.rig.interface import (
 from mwd_surface.rig.library_log import bound_log
 from mwd_surface.rig.opcua.access import APPLICATION, OpcuaAccess
 from mwd_surface.rig.opcua.address_space import (
+    EPOCH,
     MANIFEST,
     NAMESPACE,
     STATUS_CODES,
@@ -46,10 +47,10 @@ from mwd_surface.rig.opcua.address_space import (
     VARIABLES,
     Variable,
     VariableValue,
+    moment,
     unit_id,
     variable_values,
 )
-from mwd_surface.rig.opcua.data_value import EPOCH, data_value, moment
 from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.opcua.subscription_limits import LONGEST_QUEUE, SubscriptionLimits
 from mwd_surface.rig.survey import AcceptedSurvey
@@ -237,7 +238,7 @@ class OpcuaServer(RigInterface):
             reading = table[variable.name]
             if not confirm and self._last.get(variable.name) == reading:
                 continue
-            value = data_value(self._ua, reading, variable.kind)
+            value = reading.data_value(self._ua, variable.kind)
             await server.write_attribute_value(self._ids[variable.name], value)
             self._written += 1
         self._last = table
@@ -358,7 +359,7 @@ class SurveyHistory:
             for name, quantity in SURVEY_VARIABLES.items():
                 value = values[quantity]
                 reading = VariableValue(value.value, STATUS_CODES[value.condition], survey.stamp_ns)
-                await storage.save_node_value(self._nodes[name], data_value(self._ua, reading, "Double"))
+                await storage.save_node_value(self._nodes[name], reading.data_value(self._ua, "Double"))
             # Saving to memory never yields to other tasks, so yield here, after each survey.
             await asyncio.sleep(0)
         self._server.iserver.history_manager.set_storage(storage)
