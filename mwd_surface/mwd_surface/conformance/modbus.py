@@ -78,10 +78,26 @@ class ModbusConformance:
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
         """Return the test cases that only this interface has."""
         return [
-            ("a part of a block", "exception; the set-point before stays in force", _part),
-            ("a single register", "exception; the set-point before stays in force", _single),
-            ("a new connection of the same client", "refused: another client", _again),
+            ("a part of a block", "exception; the set-point before stays in force", self._part),
+            ("a single register", "exception; the set-point before stays in force", self._single),
+            ("a new connection of the same client", "refused: another client", self._again),
         ]
+
+    def _part(self, bench: Bench) -> tuple[bool, str]:
+        lease = bench.turning()
+        return _stays(bench, lease, self.peer(0).write(_COMMAND, block(lease, 2, Point(speed=0.9))[:6]))
+
+    def _single(self, bench: Bench) -> tuple[bool, str]:
+        lease = bench.turning()
+        done = not self.peer(0).client.write_register(_COMMAND + 2, 2).isError()
+        return _stays(bench, lease, done)
+
+    def _again(self, bench: Bench) -> tuple[bool, str]:
+        lease = bench.turning()
+        peer = self.peer(0)
+        peer.client.close()
+        peer.client.connect()
+        return _stays(bench, lease, peer.write(_COMMAND, block(lease, 2, Point(Mode.ROTATE, 0.9))))
 
     def close(self) -> None:
         """Close all clients."""
@@ -157,31 +173,6 @@ def block(lease: int, sequence: int, point: Point) -> list[int]:
     return [lease >> 16 & 0xFFFF, lease & 0xFFFF, sequence, point.mode, *words]
 
 
-def _in_force(bench: Bench) -> tuple[ModbusPeer, int]:
-    peer = bench.one()
-    if not isinstance(peer, ModbusPeer):
-        raise NotPossibleError("a case of Modbus")
-    return peer, bench.turning()
-
-
 def _stays(bench: Bench, lease: int, done: bool) -> tuple[bool, str]:
     view = bench.view()
     return not done and (view.lease, view.sequence) == (lease, 1), f"set-point {view.sequence}"
-
-
-def _part(bench: Bench) -> tuple[bool, str]:
-    peer, lease = _in_force(bench)
-    return _stays(bench, lease, peer.write(_COMMAND, block(lease, 2, Point(speed=0.9))[:6]))
-
-
-def _single(bench: Bench) -> tuple[bool, str]:
-    peer, lease = _in_force(bench)
-    done = not peer.client.write_register(_COMMAND + 2, 2).isError()
-    return _stays(bench, lease, done)
-
-
-def _again(bench: Bench) -> tuple[bool, str]:
-    peer, lease = _in_force(bench)
-    peer.client.close()
-    peer.client.connect()
-    return _stays(bench, lease, peer.write(_COMMAND, block(lease, 2, Point(Mode.ROTATE, 0.9))))

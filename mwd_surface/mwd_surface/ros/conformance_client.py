@@ -121,23 +121,19 @@ class RosConformance:
             ("a person grants a request that nobody has made", "refused", self._grants_nothing),
         ]
 
-    def _in_force(self, bench: Bench) -> int:
-        lease = bench.turning()
-        return lease
-
     def _stays(self, lease: int) -> tuple[bool, str]:
         time.sleep(_SEEN_S)
         view = self.view()
         return (view.lease, view.sequence, view.speed <= 0.6) == (lease, 1, True), f"set-point {view.sequence}"
 
     def _unsigned(self, bench: Bench) -> tuple[bool, str]:
-        lease = self._in_force(bench)
+        lease = bench.turning()
         command = _command(lease, 2, Point(speed=0.9))
         self.peer(0).publish(msg.SealedCommand(command=command))
         return self._stays(lease)
 
     def _changed(self, bench: Bench) -> tuple[bool, str]:
-        lease = self._in_force(bench)
+        lease = bench.turning()
         sealed = self.peer(0).sealed(_command(lease, 2, Point(speed=0.5)))
         sealed.command.rotary_speed = 0.9
         self.peer(0).publish(sealed)
@@ -153,7 +149,7 @@ class RosConformance:
         return self._stays(lease)
 
     def _replayed_beat(self, bench: Bench) -> tuple[bool, str]:
-        lease = self._in_force(bench)
+        lease = bench.turning()
         sealed = self.peer(0).sealed(_command(lease, 0, Point()))
         end = time.monotonic() + bench.heartbeat_s + 1.5
         while time.monotonic() < end and self.view().lease == lease:
