@@ -84,15 +84,6 @@ class StreamState:
 
 
 @dataclasses.dataclass
-class _Latest:
-    value: float | None = None
-    sigma: float | None = None
-    at: float | None = None
-    withheld: str = ""
-    measured_at: float | None = None
-
-
-@dataclasses.dataclass
 class _Stream:
     at: float | None = None
     seconds: deque[list[int]] = dataclasses.field(default_factory=lambda: deque(maxlen=2 * _WINDOW + 2))
@@ -111,7 +102,10 @@ class LatestValues:
     def __init__(self, quantities: Mapping[str, Quantity], periods: Mapping[str, float]) -> None:
         self._quantities = quantities
         self._periods = periods
-        self._values = {name: _Latest() for name in quantities}
+        self._values = {
+            name: LiveValue(unit=one.unit, stale_after=self._stale_after(one.stream))
+            for name, one in quantities.items()
+        }
         self._streams = {name: _Stream() for name in periods}
 
     def arrived(self, stream: str, count: int, now: float) -> None:
@@ -139,15 +133,20 @@ class LatestValues:
 
         measured_at: time of measurement, s; None: the time of arrival.
         """
-        latest = self._values[name]
-        latest.measured_at = now if measured_at is None else measured_at
-        latest.value, latest.at, latest.withheld = value, now, ""
-        latest.sigma = sigma if sigma is not None and math.isfinite(sigma) else None
+        self._values[name] = dataclasses.replace(
+            self._values[name],
+            value=value,
+            sigma=sigma if sigma is not None and math.isfinite(sigma) else None,
+            at=now,
+            reason="",
+            measured_at=now if measured_at is None else measured_at,
+        )
 
     def withhold(self, name: str, why: str) -> bool:
         """Mark the value as not current, with the reason; return True if the reason is new."""
-        new = self._values[name].withheld != why
-        self._values[name].withheld = why
+        new = self._values[name].reason != why
+        if new:
+            self._values[name] = dataclasses.replace(self._values[name], reason=why)
         return new
 
     def last(self, name: str) -> float | None:
@@ -161,20 +160,10 @@ class LatestValues:
 
     def value(self, name: str, now: float) -> LiveValue:
         """Return a quantity's value, age and freshness at `now`."""
-        latest, quantity = self._values[name], self._quantities[name]
+        latest = self._values[name]
         age = None if latest.at is None else max(0.0, now - latest.at)
-        state = Freshness.STALE if latest.withheld else self._freshness(quantity.stream, age)
-        return LiveValue(
-            value=latest.value,
-            sigma=latest.sigma,
-            unit=quantity.unit,
-            at=latest.at,
-            age=age,
-            stale_after=self._stale_after(quantity.stream),
-            state=Freshness.NO_DATA if latest.value is None else state,
-            reason=latest.withheld,
-            measured_at=latest.measured_at,
-        )
+        state = Freshness.STALE if latest.reason else self._freshness(self._quantities[name].stream, age)
+        return dataclasses.replace(latest, age=age, state=Freshness.NO_DATA if latest.value is None else state)
 
     def streams(self, now: float) -> dict[str, StreamState]:
         """Return the state of every stream at `now`, by name."""
