@@ -158,7 +158,7 @@ class SurveyList:
             tool=self.tool if tool is None else tool,
             comment=comment,
         )
-        return self._with(self._entered(record), max(survey.stamp_ns, self.changed_ns))
+        return self.with_records(self._entered(record), max(survey.stamp_ns, self.changed_ns))
 
     def _entered(self, record: SurveyRecord) -> tuple[SurveyRecord, ...]:
         """
@@ -253,7 +253,7 @@ class SurveyList:
                 records.append(dataclasses.replace(record, in_use=True))
             else:
                 records.append(_rejected(r, operator_name, why, stamp_ns) if r.survey.uuid in replaced else r)
-        return self._with(records, stamp_ns)
+        return self.with_records(records, stamp_ns)
 
     def reject(self, sequence: int, operator_name: str, reason: str, stamp_ns: int) -> SurveyList:
         """
@@ -267,7 +267,7 @@ class SurveyList:
         old = self.find(sequence)
         _checked_operator(operator_name)
         record = _rejected(old, operator_name, reason, stamp_ns)
-        return self._with([record if r is old else r for r in self.records], stamp_ns)
+        return self.with_records([record if r is old else r for r in self.records], stamp_ns)
 
     def revise(self, survey: Survey) -> SurveyList:
         """
@@ -299,7 +299,7 @@ class SurveyList:
             for one in (record, *(r for r in whole.records if whole._waits_at(r, record))):
                 rest = dataclasses.replace(whole, records=tuple(r for r in whole.records if r is not one))
                 whole = dataclasses.replace(rest, records=rest._entered(one))
-        return self._with(whole.records)
+        return self.with_records(whole.records)
 
     def as_first_decided(self) -> SurveyList:
         """
@@ -307,22 +307,14 @@ class SurveyList:
 
         The rules decide again on surveys that no person has judged.
         """
-        bare = self._with(())
+        bare = self.with_records(())
         for record in sorted(self.records, key=lambda one: one.survey.stamp_ns):
             first = dataclasses.replace(record, survey=record.as_first_decided, first=(), revised=(), in_use=False)
             if record.judgement == Judgement.NOT_JUDGED:
-                bare = bare._with(bare._entered(first))
+                bare = bare.with_records(bare._entered(first))
             else:
-                bare = bare._with((*bare.records, dataclasses.replace(first, in_use=record.in_use)))
+                bare = bare.with_records((*bare.records, dataclasses.replace(first, in_use=record.in_use)))
         return bare
-
-    def with_records(self, records: Iterable[SurveyRecord]) -> SurveyList:
-        """
-        Return the list with other records; order, path and flags are computed again.
-
-        Raises ValueError if a record has an unknown leg, or if no path can join the stations.
-        """
-        return self._with(records)
 
     def tied_on(self, tie_on: TieOn, leg: str | None = None) -> SurveyList:
         """
@@ -342,7 +334,7 @@ class SurveyList:
         legs = tuple(dataclasses.replace(g, tie_on=tie_on) if g is there else g for g in self.legs)
         # A tie-on given by a person replaces a reader's assumption about the start of the path.
         remarks = self.remarks if there.parent else tuple(one for one in self.remarks if one.kind not in OF_START)
-        return dataclasses.replace(self, legs=legs, remarks=remarks)._with(self.records)
+        return dataclasses.replace(self, legs=legs, remarks=remarks).with_records(self.records)
 
     def sidetracked(self, name: str, measured_depth: float, parent: str | None = None) -> SurveyList:
         """
@@ -391,11 +383,11 @@ class SurveyList:
                 fatal = fatal_reasons(changed, record) if record.in_use else []
                 if fatal:
                     raise ValueError(f"north_reference: survey {record.survey.sequence}: {'; '.join(fatal)}")
-        return changed._with(self.records)
+        return changed.with_records(self.records)
 
     def along(self, plan: Plan | None) -> SurveyList:
         """Return the list with another plan, or without a plan (None)."""
-        return self if plan == self.plan else dataclasses.replace(self, plan=plan)._with(self.records)
+        return self if plan == self.plan else dataclasses.replace(self, plan=plan).with_records(self.records)
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the list, without its rules, as a plain table for a file."""
@@ -417,7 +409,7 @@ class SurveyList:
         plan = None if planned is None else Plan.from_mapping(planned)
         plain = settings.from_mapping(cls, {**table, "plan": plan, "rules": settings.to_mapping(rules or ListRules())})
         plain.find_leg(plain.leg)
-        return plain._with(plain.records)
+        return plain.with_records(plain.records)
 
     def find_leg(self, name: str | None = None) -> Leg:
         """
@@ -434,12 +426,16 @@ class SurveyList:
                 return leg
         raise ValueError(f"leg: there is no {wanted!r}; there are {', '.join(repr(g.name) for g in self.legs)}")
 
-    def _with(self, records: Iterable[SurveyRecord], changed_ns: int | None = None) -> SurveyList:
+    def with_records(self, records: Iterable[SurveyRecord], changed_ns: int | None = None) -> SurveyList:
         """
         Return the list with other records, sorted, and all derived values recomputed.
 
-        changed_ns: new time of the last change; None keeps the present one. Raises ValueError for a record of an
-        unknown leg.
+        changed_ns: new time of the last change; None keeps the present one.
+
+        Raises
+        ------
+        ValueError
+            A record has an unknown leg, or no path can join the stations.
         """
         order = {leg.name: k for k, leg in enumerate(self.legs)}
         ordered = sorted(records, key=lambda r: (order.get(r.leg, -1), r.measured_depth, r.survey.sequence))
