@@ -411,4 +411,4 @@ def test_units_are_turned_at_the_edge_only():
     before = dict(table.values)
     RecordWriter(Wits0Format(units="fps")).survey(table, table.survey)
     assert table.values == before
-    assert table.survey.measured_depth == whole.find(LAST).measured_depth
+    assert table.survey.value("measured_depth") == whole.find(LAST).measured_depth

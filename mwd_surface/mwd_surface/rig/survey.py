@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Accepted survey as all rig interfaces send it: the numbers of the well path, in SI and rad.
+Accepted survey as all rig interfaces send it: a view of its record and of the well path, in SI and rad.
 
 Inclination, azimuth and position are those of the definitive path, the same as in the exports and the report.
 Quantities that only the survey has are added: totals, the six axes and the sigmas. None means "not known".
@@ -9,12 +9,13 @@ Quantities that only the survey has are added: totals, the six axes and the sigm
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
-from mwd_estimation.survey.survey import Survey, Three, Verdict
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core.unknown import or_none
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
@@ -25,121 +26,83 @@ from mwd_surface.trajectory.well_path import ASSUMED, Definitive
 
 LAST = 32  # largest number of surveys that the rig interfaces have
 _UNCORRECTED = Status.UNCORRECTED | Status.CORRECTION_REFUSED | Status.MAG_DISTURBED
-# Fields that depend on the whole path above the station, and fields that depend on the interval above the station only.
+# Fields of the signal table that depend on the whole path above the station, on the interval above it, and on the path
+# only through the station.
 _PLACE = frozenset({"vertical_depth", "position_north", "position_east", "vertical_section"})
 _CURVATURE = frozenset({"dogleg_severity", "build_rate", "turn_rate"})
+_OF_PATH = _PLACE | _CURVATURE | {"measured_depth", "inclination", "azimuth"}
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class AcceptedSurvey:
-    """
-    One station in use.
+    """View of a station in use: its record, and its index on a path of the list."""
 
-    Units: m, rad, rad/m, m/s^2, T, degC. stamp_ns, decided_ns: time of the measurement and of the acceptance, ns since
-    the epoch. revision: revision number of the estimator's result; 0 for the first result.
-    azimuth: from the north of the well. azimuth_uncorrected: from magnetic north, before the correction for
-    interference, or None. source: composition of the azimuth. overridden: whether a person accepted the survey against
-    the automatic verdict. remark: why the azimuth is doubtful, or empty. assumption: assumption, in addition to
-    measurements, on which depth and position are based, or empty. assumed: names of the fields based on the assumption.
-    """
+    record: SurveyRecord
+    path: Definitive
+    station: int
 
-    sequence: int
-    uuid: str
-    revision: int
-    stamp_ns: int
-    decided_ns: int
-    measured_depth: float
-    inclination: float
-    azimuth: float
-    north: North
-    vertical_depth: float
-    position_north: float
-    position_east: float
-    vertical_section: float
-    dogleg_severity: float
-    build_rate: float
-    turn_rate: float
-    azimuth_uncorrected: float | None
-    sigma_inclination: float | None
-    sigma_azimuth: float | None
-    g_total: float | None
-    b_total: float | None
-    dip: float | None
-    axial_interference: float | None
-    temperature: float | None
-    specific_force: Three
-    magnetic_field: Three | None
-    verdict: Verdict
-    overridden: bool
-    source: AzimuthSource
-    remark: str = ""
-    assumption: str = ""
-    assumed: frozenset[str] = frozenset()
+    @property
+    def result(self) -> Survey:
+        """Definitive result of the estimator."""
+        return self.record.survey
 
     @property
     def key(self) -> tuple[str, int, int]:
         """Key that changes with another survey, another decision on the survey, or another revision of its result."""
-        return self.uuid, self.decided_ns, self.revision
+        return self.result.uuid, self.decided_ns, self.result.revision
 
     @property
-    def gyro_share(self) -> float | None:
-        """Share of the gyro in the azimuth, 0 to 1; None if unknown."""
-        return self.source.gyro_share if self.source.known else None
+    def decided_ns(self) -> int:
+        """Time of the acceptance, ns since the epoch."""
+        return self.record.judged_ns or self.result.stamp_ns
+
+    @property
+    def overridden(self) -> bool:
+        """Whether a person accepted the survey against the automatic verdict."""
+        return self.record.judgement == Judgement.ACCEPTED and self.result.verdict != Verdict.ACCEPT
+
+    @functools.cached_property
+    def source(self) -> AzimuthSource:
+        """Composition of the azimuth."""
+        return azimuth_source(self.result)
+
+    @functools.cached_property
+    def remark(self) -> str:
+        """Why the azimuth is doubtful; empty if it is not."""
+        north = self.path.north
+        return revision_doubt(self.record, north) or _remark(self.result, self.source, north)
+
+    @functools.cached_property
+    def assumption(self) -> str:
+        """Assumption, in addition to measurements, on which depth and position are based; empty without one."""
+        return "; ".join(sentences(self.path.assumptions))
+
+    @functools.cached_property
+    def assumed(self) -> frozenset[str]:
+        """Names of the fields that are based on an assumption."""
+        curvature = _CURVATURE if self.path.kind[self.station - 1] == ASSUMED else frozenset()
+        return curvature | (_PLACE if self.path.assumed else frozenset())
+
+    def value(self, field: str) -> float | None:
+        """
+        Return a number by its field in the signal table, or the sigma of a field; None if unknown.
+
+        Units: m, rad, rad/m, m/s^2, T, degC. The azimuth is from the north of the well.
+        """
+        if field in _OF_PATH:
+            return or_none(getattr(self.path, field)[self.station])
+        if field == "azimuth_uncorrected":
+            return _uncorrected(self.result)
+        if field == "gyro_share":
+            return self.source.gyro_share if self.source.known else None
+        return or_none(getattr(self.result, field))
 
 
 def accepted_surveys(surveys: SurveyList) -> tuple[AcceptedSurvey, ...]:
     """Return the stations in use on the current leg and its parents, oldest first, at most the `LAST` newest."""
     path = surveys.definitive()
-    places = {sequence: k for k, sequence in enumerate(path.sequence) if sequence}
-    used = sorted(
-        (r for r in surveys.records if r.in_use and r.survey.sequence in places), key=lambda r: r.survey.stamp_ns
-    )
-    return tuple(_accepted(r, path, places[r.survey.sequence]) for r in used[-LAST:])
-
-
-def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
-    s, source = record.survey, azimuth_source(record.survey)
-    magnetic = math.isfinite(s.magnetic_field[0])
-    n, e, d = (float(v) for v in path.positions[k])
-    return AcceptedSurvey(
-        sequence=s.sequence,
-        uuid=s.uuid,
-        revision=s.revision,
-        stamp_ns=s.stamp_ns,
-        decided_ns=record.judged_ns or s.stamp_ns,
-        measured_depth=float(path.md[k]),
-        inclination=float(path.inclination[k]),
-        azimuth=float(path.azimuth[k]),
-        north=path.north,
-        vertical_depth=d,
-        position_north=n,
-        position_east=e,
-        vertical_section=float(path.vertical_section[k]),
-        dogleg_severity=float(path.dogleg_severity[k]),
-        build_rate=float(path.build_rate[k]),
-        turn_rate=float(path.turn_rate[k]),
-        azimuth_uncorrected=_uncorrected(s),
-        sigma_inclination=or_none(s.sigma_inclination),
-        sigma_azimuth=or_none(s.sigma_azimuth),
-        g_total=or_none(s.g_total),
-        b_total=or_none(s.b_total),
-        dip=or_none(s.dip),
-        axial_interference=or_none(s.axial_interference),
-        temperature=or_none(s.temperature),
-        specific_force=s.specific_force,
-        magnetic_field=s.magnetic_field if magnetic else None,
-        verdict=Verdict(s.verdict),
-        overridden=record.judgement == Judgement.ACCEPTED and s.verdict != Verdict.ACCEPT,
-        source=source,
-        remark=revision_doubt(record, path.north) or _remark(s, source, path.north),
-        assumption="; ".join(sentences(path.assumptions)),
-        assumed=_assumed(path, k),
-    )
-
-
-def _assumed(path: Definitive, k: int) -> frozenset[str]:
-    """Return the names of those fields of the survey at index k of a path that are based on an assumption."""
-    return (_PLACE if path.assumed else frozenset()) | (_CURVATURE if path.kind[k - 1] == ASSUMED else frozenset())
+    found = [AcceptedSurvey(r, path, k) for k, r in enumerate(surveys.records_on(path)) if r is not None]
+    return tuple(sorted(found, key=lambda one: one.result.stamp_ns)[-LAST:])
 
 
 def _uncorrected(s: Survey) -> float | None:

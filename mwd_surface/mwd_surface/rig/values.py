@@ -262,22 +262,22 @@ def survey_values(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigVa
     """Return the survey quantities by name, as values for the rig; now_ns: present time of the node."""
     if survey is None:
         return {signal.name: RigValue(reason="no survey is accepted yet") for signal in OF_SURVEY}
-    age = max(0.0, (now_ns - survey.stamp_ns) / NANOSECONDS)
+    age = max(0.0, (now_ns - survey.result.stamp_ns) / NANOSECONDS)
     whole = Condition.OVERRIDE if survey.overridden else Condition.GOOD
-    if whole == Condition.GOOD and survey.verdict != Verdict.ACCEPT:
+    if whole == Condition.GOOD and survey.result.verdict != Verdict.ACCEPT:
         whole = Condition.DOUBTFUL
     values = {}
     for signal in OF_SURVEY:
-        name, value = signal.name, getattr(survey, signal.field)
+        name, value = signal.name, survey.value(signal.field)
         if value is None or not math.isfinite(value):
             values[name] = RigValue(stamp_ns=0, reason="not known for this survey")
             continue
-        sigma = getattr(survey, f"sigma_{signal.field}") if signal.sigma else None
+        sigma = survey.value(f"sigma_{signal.field}") if signal.sigma else None
         condition, reason = whole, "accepted by a person" if survey.overridden else ""
         # A position that is based on an assumption remains doubtful even if a person accepts the survey.
         if signal.field in survey.assumed:
             condition, reason = Condition.DOUBTFUL, f"assumed: {survey.assumption}"
         elif name == "survey_azimuth" and survey.remark and whole == Condition.GOOD:
             condition, reason = Condition.DOUBTFUL, survey.remark
-        values[name] = RigValue(value, condition, survey.stamp_ns, age, sigma, reason)
+        values[name] = RigValue(value, condition, survey.result.stamp_ns, age, sigma, reason)
     return values

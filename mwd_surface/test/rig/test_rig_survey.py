@@ -19,32 +19,33 @@ def test_the_accepted_are_those_in_use_oldest_first_with_the_numbers_of_the_path
     whole = surveys()
     path = whole.definitive()
     accepted = accepted_surveys(whole)
-    assert [s.sequence for s in accepted] == [k for k in range(1, 13) if k != 6]
+    assert [s.result.sequence for s in accepted] == [k for k in range(1, 13) if k != 6]
     for s in accepted:
-        k = path.sequence.index(s.sequence)
-        assert (s.measured_depth, s.inclination, s.azimuth) == (path.md[k], path.inclination[k], path.azimuth[k])
-        assert (s.position_north, s.position_east, s.vertical_depth) == tuple(path.positions[k])
+        k = path.sequence.index(s.result.sequence)
+        there = [s.value(name) for name in ("measured_depth", "inclination", "azimuth")]
+        assert there == [path.md[k], path.inclination[k], path.azimuth[k]]
+        assert [s.value(n) for n in ("position_north", "position_east", "vertical_depth")] == list(path.positions[k])
 
 
 def test_no_more_than_the_interfaces_have_are_kept_and_they_are_the_last(monkeypatch):
     monkeypatch.setattr(rig_survey, "LAST", 3)
-    assert [s.sequence for s in accepted_surveys(surveys())] == [10, 11, 12]
+    assert [s.result.sequence for s in accepted_surveys(surveys())] == [10, 11, 12]
     assert accepted_surveys(SurveyList()) == ()
 
 
 def test_a_judgement_against_the_verdict_is_published_and_is_a_change():
-    before = next(s for s in accepted_surveys(surveys()) if s.sequence == 9)
+    before = next(s for s in accepted_surveys(surveys()) if s.result.sequence == 9)
     assert before.overridden
-    assert before.verdict == Verdict.DOUBTFUL
+    assert before.result.verdict == Verdict.DOUBTFUL
     again = surveys().accept(9, "Bo", "again", START + 91_000 * S)
-    after = next(s for s in accepted_surveys(again) if s.sequence == 9)
+    after = next(s for s in accepted_surveys(again) if s.result.sequence == 9)
     assert before.key != after.key
-    assert not next(s for s in accepted_surveys(surveys()) if s.sequence == 8).overridden
+    assert not next(s for s in accepted_surveys(surveys()) if s.result.sequence == 8).overridden
 
 
 def test_the_uncorrected_azimuth_is_the_magnetic_one_of_the_raw_method():
     last = accepted_surveys(surveys())[-1]
-    assert math.degrees(last.azimuth_uncorrected) == pytest.approx(75.0 + 0.4 * 12 - 2.0 + 0.8)
+    assert math.degrees(last.value("azimuth_uncorrected")) == pytest.approx(75.0 + 0.4 * 12 - 2.0 + 0.8)
     assert last.source.corrected
 
 
@@ -55,7 +56,7 @@ def test_the_uncorrected_azimuth_stays_known_where_a_reference_turns_azimuths_to
     well = dataclasses.replace(WELL, north_reference="grid")
     (accepted,) = accepted_surveys(SurveyList(well=well).add(one, 300.0, 0.0))
     # Magnetic = grid + convergence - declination.
-    assert math.degrees(accepted.azimuth_uncorrected) == pytest.approx(72.0)
+    assert math.degrees(accepted.value("azimuth_uncorrected")) == pytest.approx(72.0)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +94,6 @@ def test_what_a_survey_does_not_know_is_none():
     )
     well = dataclasses.replace(WELL, north_reference="true")
     (s,) = accepted_surveys(SurveyList(well=well).add(bare, 300.0, 0.0))
-    unknown = (s.b_total, s.dip, s.temperature, s.axial_interference, s.magnetic_field, s.azimuth_uncorrected)
-    assert unknown == (None,) * 6
-    assert s.sigma_inclination is None
-    assert s.sigma_azimuth == pytest.approx(1e-3)
+    unknown = ("b_total", "dip", "temperature", "axial_interference", "azimuth_uncorrected", "sigma_inclination")
+    assert [s.value(name) for name in unknown] == [None] * 6
+    assert s.value("sigma_azimuth") == pytest.approx(1e-3)

@@ -26,7 +26,7 @@ def rig_words(survey):
     surveys = surveys if surveys.records[0].in_use else surveys.accept(survey.sequence, "Bo", "test", 2 * 10**18)
     (accepted,) = accepted_surveys(surveys)
     items = dict(RecordWriter(Wits0Format()).survey(nothing_yet(), accepted))
-    share = survey_values(accepted, accepted.stamp_ns)["survey_gyro_share"].value
+    share = survey_values(accepted, accepted.result.stamp_ns)["survey_gyro_share"].value
     assert share == azimuth_source(survey).gyro_share
     document = witsml(survey_table(surveys, 2 * 10**18))
     found = {

@@ -97,7 +97,7 @@ def registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
     block[0] = VERSION
     block[1] = values.heartbeat & 0xFFFF
     block[2] = status_bits(values)
-    block[3] = survey.sequence & 0xFFFF if survey is not None else 0
+    block[3] = survey.result.sequence & 0xFFFF if survey is not None else 0
     for address, (name, factor, wrap) in FLOATS.items():
         value = values.values[name]
         invalid = form.nan_invalid and not value.condition.usable
@@ -105,7 +105,7 @@ def registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
         block[address : address + 2] = _ordered(words, form)
     age = values.toolface.age
     block[_AGE : _AGE + 2] = _ordered(_float_words(NEVER if age is None else age, 0.0), form)
-    milliseconds = survey.stamp_ns * 1000 // NANOSECONDS if survey is not None else 0
+    milliseconds = survey.result.stamp_ns * 1000 // NANOSECONDS if survey is not None else 0
     time_words = struct.unpack(">4H", struct.pack(">Q", milliseconds))
     block[_TIME : _TIME + 4] = _ordered(time_words, form)
     block[_CONTROL : _CONTROL + 8] = _control_registers(values, form)
@@ -167,8 +167,8 @@ def status_bits(values: RigValues) -> int:
         StatusBit.SONDE_LINK: values.sonde_link,
         StatusBit.TOOLFACE_FRESH: usable and not values.rotating,
         StatusBit.SURVEY_ACCEPTED: survey is not None,
-        StatusBit.QUALITY_DOUBTFUL: survey is not None and survey.verdict == Verdict.DOUBTFUL,
-        StatusBit.QUALITY_BAD: survey is not None and survey.verdict == Verdict.REJECT,
+        StatusBit.QUALITY_DOUBTFUL: survey is not None and survey.result.verdict == Verdict.DOUBTFUL,
+        StatusBit.QUALITY_BAD: survey is not None and survey.result.verdict == Verdict.REJECT,
         StatusBit.INTERFERENCE_CORRECTED: survey is not None and survey.source.corrected,
         StatusBit.RECORDING: values.recording,
         StatusBit.MAGNETIC_MODE: values.mode != GRAVITY,

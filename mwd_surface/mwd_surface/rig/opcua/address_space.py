@@ -105,7 +105,9 @@ def variable_values(values: RigValues) -> dict[str, VariableValue]:
     age_state = waiting if toolface.age is None else state
     table["ToolfaceAge"] = VariableValue(0.0 if toolface.age is None else toolface.age, age_state, now)
     table["Rotating"] = VariableValue(values.rotating, face, toolface.stamp_ns)
-    number, verdict, stamp = (0, 0, 0) if survey is None else (survey.sequence, int(survey.verdict), survey.stamp_ns)
+    number, verdict, stamp = 0, 0, 0
+    if survey is not None:
+        number, verdict, stamp = survey.result.sequence, int(survey.result.verdict), survey.result.stamp_ns
     table["SurveySequence"] = VariableValue(number, taken, stamp)
     made_of = "" if survey is None else survey.source.words
     table["SurveyAzimuthSource"] = VariableValue(made_of, taken, stamp)

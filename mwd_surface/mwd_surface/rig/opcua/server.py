@@ -358,7 +358,7 @@ class SurveyHistory:
             values = survey_values(survey, survey.decided_ns)
             for name, quantity in SURVEY_VARIABLES.items():
                 value = values[quantity]
-                reading = VariableValue(value.value, STATUS_CODES[value.condition], survey.stamp_ns)
+                reading = VariableValue(value.value, STATUS_CODES[value.condition], survey.result.stamp_ns)
                 await storage.save_node_value(self._nodes[name], reading.data_value(self._ua, "Double"))
             # Saving to memory never yields to other tasks, so yield here, after each survey.
             await asyncio.sleep(0)

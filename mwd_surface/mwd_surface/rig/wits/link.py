@@ -344,7 +344,7 @@ class Wits0Link(RigInterface):
             survey = self.values.survey
             last = (
                 ("toolface", shown(self.values.toolface)),
-                ("survey", "none" if survey is None else str(survey.sequence)),
+                ("survey", "none" if survey is None else str(survey.result.sequence)),
             )
         return InterfaceStatus(
             self.name,

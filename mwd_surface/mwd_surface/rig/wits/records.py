@@ -88,7 +88,7 @@ class RecordWriter:
 
     def survey(self, values: RigValues, survey: AcceptedSurvey) -> Items:
         """Return record 7 of an accepted survey, with the time of its measurement."""
-        known = survey_values(survey, survey.stamp_ns)
+        known = survey_values(survey, survey.result.stamp_ns)
         # A WITS number has no quality flag, so a number that is based on an assumption is not sent.
         numbers: dict[int, float | None] = {
             code: None
@@ -98,9 +98,9 @@ class RecordWriter:
         }
         hole = values.values["hole_depth"]
         # Send the hole depth only if it was measured at the time of the survey.
-        if hole.condition.usable and abs(hole.stamp_ns - survey.stamp_ns) < _SAME_TIME_NS:
+        if hole.condition.usable and abs(hole.stamp_ns - survey.result.stamp_ns) < _SAME_TIME_NS:
             numbers[_HOLE.code] = hole.value
-        items = self._head(7, values, survey.stamp_ns, None)
+        items = self._head(7, values, survey.result.stamp_ns, None)
         found = [(712, _survey_type(survey.source))]
         for code, number in numbers.items():
             found += self._number(code, number)
@@ -177,14 +177,14 @@ class RecordWriter:
         rows: tuple[tuple[int, float | None, int], ...] = ()
         items: Items = []
         if self.form.spares == "totals":
-            for code, value in ((722, s.g_total), (723, s.b_total), (724, s.dip)):
-                items += self._number(code, value)
-            rows = ((725, float(s.verdict), 0), (726, s.temperature, 2))
+            for code, field in ((722, "g_total"), (723, "b_total"), (724, "dip")):
+                items += self._number(code, s.value(field))
+            rows = ((725, float(s.result.verdict), 0), (726, s.value("temperature"), 2))
         elif self.form.spares == "mwdstd-raw6":
             # The profile sends gravity, which points down, in thousandths of standard gravity; specific force has the
             # opposite sign.
-            g = [-v / STANDARD_GRAVITY * 1e3 for v in s.specific_force]
-            b: list[float | None] = [None] * 3 if s.magnetic_field is None else [v * 1e9 for v in s.magnetic_field]
+            g = [-v / STANDARD_GRAVITY * 1e3 for v in s.result.specific_force]
+            b = [v * 1e9 for v in s.result.magnetic_field]
             rows = tuple((722 + k, v, 2) for k, v in enumerate(g)) + tuple((725 + k, v, 1) for k, v in enumerate(b))
         for code, value, decimals in rows:
             items += self._item(code, fixed(value, decimals))

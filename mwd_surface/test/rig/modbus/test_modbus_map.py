@@ -47,12 +47,12 @@ def test_every_register_holds_what_the_table_says():
         4: 123.456,
         6: 201.5,
         8: 0.1,
-        10: math.degrees(s.inclination),
-        12: math.degrees(s.azimuth),
-        14: s.measured_depth,
-        16: s.g_total / 9.80665,
-        18: s.b_total * 1e9,
-        20: math.degrees(s.dip),
+        10: math.degrees(s.value("inclination")),
+        12: math.degrees(s.value("azimuth")),
+        14: s.value("measured_depth"),
+        16: s.value("g_total") / 9.80665,
+        18: s.value("b_total") * 1e9,
+        20: math.degrees(s.value("dip")),
         22: 0.05,
         24: 0.4,
         26: 40.12,
@@ -78,7 +78,7 @@ def test_every_register_holds_what_the_table_says():
     }
     for address, value in expected.items():
         assert at(block, address) == pytest.approx(value, rel=1e-6), address
-    assert struct.unpack(">Q", struct.pack(">4H", *block[34:38]))[0] == s.stamp_ns // 1_000_000
+    assert struct.unpack(">Q", struct.pack(">4H", *block[34:38]))[0] == s.result.stamp_ns // 1_000_000
     assert set(FLOATS) | {8} == set(expected)
     # Depth of a ROS publisher; clock of the rig, clock of the tool.
     assert block[78:80] == (2, 0x0201)

@@ -78,9 +78,9 @@ def test_every_condition_has_its_status_code():
 def test_values_carry_the_time_of_their_measurement():
     table = values()
     now = variable_values(table)
-    assert now["Inclination"].stamp_ns == table.survey.stamp_ns
+    assert now["Inclination"].stamp_ns == table.survey.result.stamp_ns
     assert now["GravityToolface"].stamp_ns == NOW_NS - S // 10
-    assert (now["Inclination"].value, now["Inclination"].status) == (table.survey.inclination, 0)
+    assert (now["Inclination"].value, now["Inclination"].status) == (table.survey.value("inclination"), 0)
 
 
 def test_a_turning_string_makes_the_toolface_uncertain_and_says_so():

@@ -74,9 +74,9 @@ def test_a_variable_is_found_by_name_and_tells_value_unit_and_time(served):
             return value, unit, level
 
     value, unit, level = run(look())
-    assert value.Value.Value == table.survey.inclination
+    assert value.Value.Value == table.survey.value("inclination")
     assert value.StatusCode.is_good()
-    assert value.SourceTimestamp.timestamp() == pytest.approx(table.survey.stamp_ns * 1e-9, abs=1e-5)
+    assert value.SourceTimestamp.timestamp() == pytest.approx(table.survey.result.stamp_ns * 1e-9, abs=1e-5)
     assert (unit.UnitId, unit.DisplayName.Text) == (4405297, "rad")
     assert level == {ua.AccessLevel.CurrentRead, ua.AccessLevel.HistoryRead}
 
@@ -134,9 +134,9 @@ def test_the_history_of_a_survey_variable_is_the_accepted_surveys(served):
     for surveys in (table.surveys, table.surveys[:-1]):
         publish(served, dataclasses.replace(table, surveys=surveys))
         history = run(read())
-        assert [value.Value.Value for value in history] == [survey.azimuth for survey in surveys]
+        assert [value.Value.Value for value in history] == [survey.value("azimuth") for survey in surveys]
         assert [value.SourceTimestamp.timestamp() for value in history] == pytest.approx(
-            [survey.stamp_ns * 1e-9 for survey in surveys], abs=1e-5
+            [survey.result.stamp_ns * 1e-9 for survey in surveys], abs=1e-5
         )
 
 
@@ -363,7 +363,7 @@ def test_five_hundred_connections_are_turned_away_counted_and_leave_those_that_a
                     stack.callback(connection.close)
                 return await variable.read_value()
 
-        assert run(read_meanwhile()) == values().survey.inclination
+        assert run(read_meanwhile()) == values().survey.value("inclination")
         eventually(lambda: server.status().refused >= 499)
 
 
@@ -382,11 +382,11 @@ def test_node_opcua_reads_the_same(served):
     assert done.returncode == 0, done.stderr
     inclination, depth = json.loads(next(line for line in done.stdout.splitlines() if line.startswith("[{")))
     table = values(later=2.0)
-    assert inclination["value"] == table.survey.inclination
+    assert inclination["value"] == table.survey.value("inclination")
     assert inclination["status"] == "Good"
     assert (inclination["unit"], depth["unit"]) == ("rad", "m")
     assert (depth["value"], depth["status"]) == (650.25, "UncertainLastUsableValue")
-    assert inclination["source"] * 1_000_000 == pytest.approx(table.survey.stamp_ns, abs=1_000_000)
+    assert inclination["source"] * 1_000_000 == pytest.approx(table.survey.result.stamp_ns, abs=1_000_000)
 
 
 @contextlib.asynccontextmanager

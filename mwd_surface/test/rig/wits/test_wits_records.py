@@ -50,17 +50,17 @@ def test_the_numbers_of_a_survey_are_those_of_the_path_in_the_units_of_the_sessi
     table = values()
     s = table.survey
     metric, fps = numbers(packets(FORMS["metric_totals"], table))[0], numbers(packets(FORMS["fps_raw6"], table))[0]
-    assert metric[708] == pytest.approx(s.measured_depth, abs=0.005)
-    assert fps[708] == pytest.approx(s.measured_depth / 0.3048, abs=0.005)
-    assert metric[713] == fps[713] == pytest.approx(math.degrees(s.inclination), abs=0.005)
-    assert metric[715] == fps[715] == pytest.approx(math.degrees(s.azimuth), abs=0.005)
-    assert metric[720] == pytest.approx(math.degrees(s.dogleg_severity) * 30.0, abs=0.005)
-    assert fps[720] == pytest.approx(math.degrees(s.dogleg_severity) * 30.48, abs=0.005)
-    assert metric[722] == pytest.approx(s.g_total / 9.80665, abs=5e-5)
-    assert metric[723] == pytest.approx(s.b_total * 1e9, abs=0.05)
+    assert metric[708] == pytest.approx(s.value("measured_depth"), abs=0.005)
+    assert fps[708] == pytest.approx(s.value("measured_depth") / 0.3048, abs=0.005)
+    assert metric[713] == fps[713] == pytest.approx(math.degrees(s.value("inclination")), abs=0.005)
+    assert metric[715] == fps[715] == pytest.approx(math.degrees(s.value("azimuth")), abs=0.005)
+    assert metric[720] == pytest.approx(math.degrees(s.value("dogleg_severity")) * 30.0, abs=0.005)
+    assert fps[720] == pytest.approx(math.degrees(s.value("dogleg_severity")) * 30.48, abs=0.005)
+    assert metric[722] == pytest.approx(s.value("g_total") / 9.80665, abs=5e-5)
+    assert metric[723] == pytest.approx(s.value("b_total") * 1e9, abs=0.05)
     # Gravity as it points: the tool feels the opposite.
-    assert fps[722] == pytest.approx(-s.specific_force[0] / 9.80665 * 1e3, abs=0.005)
-    assert fps[725] == pytest.approx(s.magnetic_field[0] * 1e9, abs=0.05)
+    assert fps[722] == pytest.approx(-s.result.specific_force[0] / 9.80665 * 1e3, abs=0.005)
+    assert fps[725] == pytest.approx(s.result.magnetic_field[0] * 1e9, abs=0.05)
 
 
 def test_time_in_a_packet_is_that_of_the_measurement():

@@ -118,7 +118,9 @@ def test_a_peer_that_never_reads_loses_the_oldest_is_cut_off_and_delays_nobody()
         number = iter(range(10**6))
 
         def flood():
-            news = dataclasses.replace(table.survey, uuid=str(next(number)))
+            record = table.survey.record
+            record = dataclasses.replace(record, survey=dataclasses.replace(record.survey, uuid=str(next(number))))
+            news = dataclasses.replace(table.survey, record=record)
             s.publish(dataclasses.replace(table, surveys=(news,)))
             return s.cut_off == 1
 
