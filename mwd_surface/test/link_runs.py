@@ -8,6 +8,7 @@ import numpy as np
 from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.mud_line import WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
+from mwd_sensors.telemetry import pulse_position
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.pulse.pulse_receiver import decode
 
@@ -51,7 +52,7 @@ def white(tool, sent, ebn0_db, rate_hz=None, seed=1):
         clean += np.clip((time - begin) * rate + 0.5, 0, 1) - np.clip((time - end) * rate + 0.5, 0, 1)
     # A pulse of size 1 has energy pulse width x 1^2 and carries bits per pulse; N0 / 2 is the density of the noise.
     bits = sum(item.length for item in tool.surveys[0])
-    pulses = sum(len(tool.pulses(0, item.length).edges) for item in tool.surveys[0])
+    pulses = sum(len(pulse_position.encode(0, item.length).edges) for item in tool.surveys[0])
     density = tool.pulse_width_s * pulses / bits / 10.0 ** (ebn0_db / 10.0) / 2.0
     noise = np.random.default_rng(seed).normal(size=len(time)) * np.sqrt(density * rate)
     return time, 2.0e7 + 1e5 * (clean + noise)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The telemetry link beside pulse position: carriers in white noise, mud and earth, the combinatorial code, serial frames.
+The telemetry link beside pulse position: carriers in white noise, mud and earth, serial frames.
 
     python tests/benchmarks/bench_link_codes.py [seeds]
 """
@@ -15,14 +15,14 @@ import numpy as np
 from scipy import signal
 
 import telemetry_limits as limits
-from mwd_sensors.simulator import carrier_tool, pulse_tool, serial_channel
+from mwd_sensors.simulator import carrier_tool, serial_channel
 from mwd_sensors.simulator.earth_channel import RATE_HZ as EARTH_HZ
 from mwd_sensors.simulator.earth_channel import EarthChannel, EarthVoltage, earth_run
 from mwd_sensors.simulator.earth_line import Ground, response
 from mwd_sensors.simulator.mud_channel import MudChannel, Pump
 from mwd_sensors.simulator.mud_line import WellGeometry
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE, frame_bytes
-from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
+from mwd_sensors.telemetry.tool_configuration import starting
 from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.serial_receiver import SerialReceiver
 
@@ -155,23 +155,6 @@ def carriers(seeds):
         line(f"{resistivity:g} ohm m, {depth:g} m", found[0], f"{earth_ebn0(tool, channel):.1f}", *found[1:])
 
 
-def combinatorial(seeds):
-    print(
-        "\n| pulses of 0.8 s, 5000 m | words | word error | believed wrong | survey on air, s |\n|---|---|---|---|---|"
-    )
-    for code in ("mary", "combinatorial"):
-        tool = ToolConfiguration(code=code)
-        rows = []
-        for seed in range(seeds):
-            sent = pulse_tool.transmit(tool, ((FLOW_ON, 420.0),), seed, 0.5 * clock(seed))
-            channel = MudChannel(well=WellGeometry(depth_m=5000.0), flow_off_s=((-100.0, FLOW_ON),))
-            run = pulse_tool.link_run(channel, sent, 420.0, 1000 + seed)
-            done, _ = received(tool, run.time_s, run.pressure_pa)
-            rows += blocks_of(sent.words, done.words, 4.2)
-        wrong, false = (1.0 - np.mean([row[k] for row in rows]) for k in (0, 1))
-        print(f"| {code} | {len(rows)} | {wrong:.3f} | {false:.4f} | {tool.seconds(tool.surveys[0]):.0f} |", flush=True)
-
-
 def serial_frames(frames=10_000_000, bit_errors=1e-4):
     """
     Frames of a survey at a bit error rate: how many arrive, and how many words are wrong.
@@ -212,7 +195,6 @@ def main() -> None:
     """All tables."""
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 10
     carriers(seeds)
-    combinatorial(seeds)
     serial_frames(10_000_000)
 
 

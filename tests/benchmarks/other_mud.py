@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry import pulse_position
 from mwd_sensors.telemetry.pulse_position import packets, window_tu
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode
 
@@ -226,7 +227,7 @@ def frame(
     words, at = [], begin + (tool.sync.length_tu + tool.header_tu) * tu
     for item, code in zip(items, codes, strict=True):
         words.append((item.name, code, at))
-        at += tool.pulses(0, item.length).length * tu
+        at += pulse_position.encode(0, item.length).length * tu
     counted = {pump: np.sort(one[random.uniform(size=len(one)) >= missed] + 0.0) for pump, one in enumerate(exact, 1)}
     strokes = {pump: np.sort(one + random.normal(0.0, jitter_s, len(one))) for pump, one in counted.items()}
     return Frame(time, np.round(total / step) * step, strokes, dict(enumerate(exact, 1)), words)

@@ -37,7 +37,7 @@ from mwd_sensors.telemetry.log_channels import LogSample, carried
 from mwd_sensors.telemetry.on_air import Group
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.switch import Switch
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 NANOSECONDS = 1_000_000_000
 _STEP_NS = NANOSECONDS // 10  # step of the state machine, ns
@@ -298,7 +298,7 @@ class Transmitter:
         The end comes when the tool is muted, or after the survey if the tool has no toolface sequence.
         """
         number = self._number
-        if self.tool.code in PULSE_CODES:
+        if self.tool.code == "mary":
             yield _Part(PartKind.SYNC, number, Group("", number, 0, ()))
             if self.tool.header_bits:
                 header = SequenceItem("", self.tool.header_bits, False)

@@ -24,7 +24,6 @@ from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.time_stamps import header, stamp
 from mwd_sensors.telemetry import log_channels, tool_configuration
 from mwd_sensors.telemetry.log_channels import LogChannel
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
 
 # Largest delay of the flow behind the estimates, s; with a larger delay the flow counts as stopped.
 _LATE_S = 5.0
@@ -118,7 +117,7 @@ def transmission_message(sent: Sent, frame: str) -> TransmissionMessage:
         duration=sent.duration_s,
         link=tool.link,
         code=tool.code,
-        pulse_width=tool.pulse_width_s if tool.code in PULSE_CODES else math.nan,
+        pulse_width=tool.pulse_width_s if tool.code == "mary" else math.nan,
         edges=list(sent.edges_s),
         carrier=tool.carrier.frequency_hz if tool.code == "psk" else math.nan,
         symbol_period=tool.symbol_s,

@@ -18,6 +18,7 @@ from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station import station
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt
+from mwd_sensors.telemetry import pulse_position
 from mwd_sensors.telemetry.carrier import BlockName, Carrier, block_bits, symbols
 from mwd_sensors.telemetry.serial_frames import SerialLine
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode
@@ -262,7 +263,7 @@ def test_what_the_tool_has_not_measured_has_the_reserved_code_where_there_is_one
         assert grav.reading is None
         edges = tuple(round(edge / tool.tu_s) for edge in grav.edges_s)
         expected = 0b1111_1111_1111_0 if tool.missing_code else 0
-        assert edges == tool.pulses(expected, 13).edges
+        assert edges == pulse_position.encode(expected, 13).edges
 
 
 def test_a_switching_shorter_than_half_a_second_is_refused():

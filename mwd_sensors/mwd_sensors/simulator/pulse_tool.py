@@ -11,7 +11,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Pressure
-from mwd_sensors.telemetry.pulse_position import PULSE_TU
+from mwd_sensors.telemetry import pulse_position
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode
 
@@ -87,9 +87,9 @@ def transmit(
             sent = encode(tool, items, codes, number if first or resync else None)
             if at + sent.length * tu > end:
                 break
-            pulses += [(at + edge * tu, at + (edge + PULSE_TU) * tu) for edge in sent.edges]
+            pulses += [(at + edge * tu, at + (edge + pulse_position.PULSE_TU) * tu) for edge in sent.edges]
             head = sent.length - tool.length_tu(items)
-            words += _placed(tool, items, codes, at + head * tu, (tu, frame))
+            words += _placed(items, codes, at + head * tu, (tu, frame))
             at += sent.length * tu
             items, first = tool.sequence("toolface", 0), False
             frame += 1
@@ -99,16 +99,12 @@ def transmit(
 
 
 def _placed(
-    tool: ToolConfiguration,
-    items: tuple[SequenceItem, ...],
-    codes: tuple[int, ...],
-    at: float,
-    clock: tuple[float, int],
+    items: tuple[SequenceItem, ...], codes: tuple[int, ...], at: float, clock: tuple[float, int]
 ) -> list[SentWord]:
     tu, frame = clock
     placed = []
     for item, code in zip(items, codes, strict=True):
-        length = tool.pulses(0, item.length).length * tu
+        length = pulse_position.encode(0, item.length).length * tu
         placed.append(SentWord(at, at + length, frame, item.name, item.bits, code))
         at += length
     return placed

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mwd_sensors.telemetry import carrier, serial_frames
+from mwd_sensors.telemetry import carrier, pulse_position, serial_frames
 from mwd_sensors.telemetry.carrier import BlockName, Complex
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
@@ -94,7 +94,7 @@ def signal(tool: ToolConfiguration, group: Group, sent: Sequence[int], counter: 
     edges: list[float] = []
     at = 0
     for code, length in zip(sent, (item.length for item in group.items), strict=True):
-        one = tool.pulses(code, length)
+        one = pulse_position.encode(code, length)
         edges += [(at + edge) * tool.tu_s for edge in one.edges]
         at += one.length
     return GroupSignal(at * tool.tu_s, at * tool.tu_s, edges_s=tuple(edges))

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from mwd_sensors.telemetry import meanings, sequences
 from mwd_sensors.telemetry.downlink import ARGUMENTS, COMMANDS, Downlink, DownlinkFrame
 from mwd_sensors.telemetry.sequences import SequenceItem
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 _SEQUENCE, _PULSE_WIDTH, _CARRIER, _TOOLFACE_RATE, _SURVEY_NOW, _MUTE = range(len(COMMANDS))
 
@@ -123,7 +123,7 @@ def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]
         raise ValueError(f"command: {name!r} is unknown; choose one of {', '.join(COMMANDS)}")
     number, argument = COMMANDS.index(name), 0
     if number == _PULSE_WIDTH:
-        if tool.code not in PULSE_CODES:
+        if tool.code != "mary":
             raise ValueError(f"command: this tool sends {tool.code}, which has no pulse width")
         argument = _place(downlink.pulse_widths_s, value, "pulse_width", "s")
     elif number == _CARRIER:
@@ -153,7 +153,7 @@ def choices(tool: ToolConfiguration) -> dict[str, tuple[float, ...]]:
     downlink = downlink_of(tool)
     count = max(len(tool.surveys), len(tool.toolfaces))
     found: dict[str, tuple[float, ...]] = {
-        "pulse_width": downlink.pulse_widths_s if tool.code in PULSE_CODES else (),
+        "pulse_width": downlink.pulse_widths_s if tool.code == "mary" else (),
         "carrier": downlink.carriers_hz if tool.code == "psk" else (),
         "sequence": tuple(map(float, range(count))) if count > 1 else (),
         "toolface_rate": (1.0, 2.0, 3.0, 4.0, 6.0, 8.0),

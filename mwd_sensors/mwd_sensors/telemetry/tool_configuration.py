@@ -24,7 +24,6 @@ from mwd_sensors.core.settings import setting
 from mwd_sensors.core.units import LPM
 from mwd_sensors.telemetry import (
     checksum,
-    combinatorial,
     log_channels,
     meanings,
     pulse_position,
@@ -40,7 +39,6 @@ from mwd_sensors.telemetry.serial_frames import SerialLine
 from mwd_sensors.telemetry.tool_limits import ToolLimits
 from mwd_sensors.telemetry.words import COMMON, Word
 
-PULSE_CODES = {"mary": pulse_position.encode, "combinatorial": combinatorial.encode}
 _SURVEY = "Inc:12:P Azm:12:P DipA:12:P Temp:8:P Grav:12:P MagF:12:P BatV:8:P"
 _TOOLFACE = "3{2{aTFA:6:P} Gama:8:P aTFA:6:P Gama:8:P} RINC:11:P RAZM:11:P"
 
@@ -77,8 +75,8 @@ class ToolConfiguration:
 
     code: str = setting(
         "mary",
-        "Code of the words: pulses (mary, combinatorial), phases of a carrier (psk) or a serial line (serial).",
-        choices=(*PULSE_CODES, "psk", "serial"),
+        "Code of the words: pulses (mary), phases of a carrier (psk) or a serial line (serial).",
+        choices=("mary", "psk", "serial"),
     )
     pulse_width_s: float = setting(0.8, "Duration of a pulse; 1 TU is half of it.", low=0.02, high=20.0)
     sync: Sync = setting(Sync, "Pulse pattern that starts a transmission.")
@@ -154,14 +152,12 @@ class ToolConfiguration:
     def _check_code(self, name: str) -> None:
         """Raise ValueError if the code cannot send the sequences of the setting `name`."""
         parsed = self.surveys if name == "survey_sequences" else self.toolfaces
-        if self.code not in PULSE_CODES and len(parsed) > MOST_SEQUENCES:
+        if self.code != "mary" and len(parsed) > MOST_SEQUENCES:
             raise ValueError(f"{name}: {self.code} can number {MOST_SEQUENCES} sequences, got {len(parsed)}")
         for k, items in enumerate(parsed):
             try:
                 if self.code == "psk":
                     blocks_of(items, self.carrier.block_bits)
-                elif self.code == "combinatorial":
-                    combinatorial.check(items)
                 elif self.code == "serial":
                     serial_frames.check(items)
             except ValueError as error:
@@ -216,7 +212,7 @@ class ToolConfiguration:
     @property
     def names_sequences(self) -> bool:
         """Whether the transmission identifies its sequence, by a header or in the blocks or frames."""
-        return self.header_bits > 0 or self.code not in PULSE_CODES
+        return self.header_bits > 0 or self.code != "mary"
 
     @property
     def symbol_s(self) -> float:
@@ -249,13 +245,9 @@ class ToolConfiguration:
         """Return the parity bit of a word's value."""
         return code.bit_count() & 1 ^ (self.parity == "odd")
 
-    def pulses(self, code: int, bits: int) -> Pulses:
-        """Return the pulses of a code with this many bits, including parity."""
-        return PULSE_CODES[self.code](code, bits)
-
     def length_tu(self, items: tuple[SequenceItem, ...]) -> int:
         """Return the duration of a sequence without its sync and header, TU."""
-        return sum(self.pulses(0, item.length).length for item in items)
+        return sum(pulse_position.encode(0, item.length).length for item in items)
 
     def seconds(self, items: tuple[SequenceItem, ...]) -> float:
         """Return the time to send a sequence once, s; for pulses, sync and header are not included."""
@@ -269,7 +261,7 @@ class ToolConfiguration:
     @property
     def head_s(self) -> float:
         """Duration of sync and header, s; 0 if each block or frame identifies itself."""
-        return (self.sync.length_tu + self.header_tu) * self.tu_s if self.code in PULSE_CODES else 0.0
+        return (self.sync.length_tu + self.header_tu) * self.tu_s if self.code == "mary" else 0.0
 
     def sent(self, items: tuple[SequenceItem, ...], codes: tuple[int | None, ...]) -> tuple[int, ...]:
         """Return the transmitted codes, with parity bits where words have one; None means a missing measurement."""
@@ -284,7 +276,7 @@ class ToolConfiguration:
     @property
     def header_tu(self) -> int:
         """Duration of the header, TU."""
-        return self.pulses(0, self.header_bits).length if self.header_bits else 0
+        return pulse_position.encode(0, self.header_bits).length if self.header_bits else 0
 
 
 def encode(
@@ -316,11 +308,11 @@ def encode(
         edges += tool.sync.edges_tu
         at = tool.sync.length_tu
         if tool.header_bits:
-            head = tool.pulses(number, tool.header_bits)
+            head = pulse_position.encode(number, tool.header_bits)
             edges += [at + edge for edge in head.edges]
             at += head.length
     for item, sent in zip(items, tool.sent(items, codes), strict=True):
-        one = tool.pulses(sent, item.length)
+        one = pulse_position.encode(sent, item.length)
         edges += [at + edge for edge in one.edges]
         at += one.length
     return Pulses(tuple(edges), at)
@@ -398,7 +390,7 @@ def starting(code: str) -> ToolConfiguration:
         The code does not exist.
     """
     plain = from_mapping({"code": code})
-    if code in PULSE_CODES:
+    if code == "mary":
         return plain
     # The check of the whole block or frame makes parity bits unnecessary.
     surveys, toolfaces = (

@@ -76,7 +76,6 @@ def test_neighbours_on_air_are_far_from_each_other_in_the_code(count):
         ({"carrier": {"block_bits": 16}, "survey_sequences": ["Inc:18"]}, "more than a block holds"),
         ({"toolface_sequences": ["120{aTFA:6}"]}, "raise block_bits"),
         ({"survey_sequences": ["Inc"] * 9}, "number 8 sequences"),
-        ({"code": "combinatorial", "survey_sequences": ["Inc:18"]}, "combinatorial code takes 16"),
         ({"code": "serial", "survey_sequences": ["200{Inc}"]}, "too many for a serial frame"),
     ],
 )

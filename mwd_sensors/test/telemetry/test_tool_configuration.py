@@ -84,7 +84,7 @@ def test_the_usual_sync_does_not_resemble_its_own_copy():
 
 
 @pytest.mark.parametrize("given", [{}, [], None])
-@pytest.mark.parametrize("code", ["mary", "combinatorial", "psk", "serial"])
+@pytest.mark.parametrize("code", ["mary", "psk", "serial"])
 def test_a_tool_may_send_surveys_only_and_its_file_reads_back(given, code):
     surveys = ["Inc:12 Azm:12"]
     tool = from_mapping({"code": code, "survey_sequences": surveys, "toolface_sequences": given})

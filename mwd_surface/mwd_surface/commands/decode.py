@@ -82,7 +82,7 @@ def decode(
     counted = pressure_files.read_strokes(strokes) if strokes else read.strokes
     receiver = receivers.receiver_of(configuration)
     got = _received(receiver, read, counted)
-    if configuration.code in tool_configuration.PULSE_CODES and not any(w.status == BELIEVED for w in got.words):
+    if configuration.code == "mary" and not any(w.status == BELIEVED for w in got.words):
         width = other_width.sent_width(configuration, read.time_s, read.pressure_pa, counted)
         if width is not None:
             terminal.warn(f"{other_width.sentence(configuration, width)}; the file is decoded with {width:.3g} s")

@@ -27,9 +27,7 @@ Configuration = Annotated[Path, typer.Argument(metavar="TOOL.YAML", help="Tool c
 @tool.command()
 def new(
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write; an existing file is not overwritten.")],
-    code: Annotated[
-        str, typer.Option(help="Telemetry code: mary, combinatorial (pulses), psk (carrier) or serial (wire).")
-    ] = "mary",
+    code: Annotated[str, typer.Option(help="Telemetry code: mary (pulses), psk (carrier) or serial (wire).")] = "mary",
 ) -> None:
     """
     Write an example of a tool configuration, with usual sequences: pulses of 0.8 s, or another telemetry code.
@@ -89,7 +87,7 @@ def check(
         terminal.tell(f"survey {number}: {on_air:.1f} s on air, complete {total:.0f} s after flow-on")
     for number, items in enumerate(read.toolfaces):
         terminal.tell(f"toolface {number}: {_toolface_line(read, items)}")
-    pulses = read.code in tool_configuration.PULSE_CODES
+    pulses = read.code == "mary"
     seen = dict.fromkeys(item for items in (*read.surveys, *read.toolfaces) for item in items)
     for item in seen:
         unprotected = "" if item.parity or not pulses else ", no parity: errors cannot be detected"
@@ -115,12 +113,11 @@ def _lines_on(read: ToolConfiguration, file: Path, columns: str) -> list[str]:
 
     Raises ValueError if the tool sends no pulses, or as `pressure_files.read` does.
     """
-    from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
     from mwd_surface.receiver import pressure_files
     from mwd_surface.receiver.link import other_width
     from mwd_surface.receiver.pulse.sync_search import USUAL_SYNCS
 
-    if read.code not in PULSE_CODES:
+    if read.code != "mary":
         raise ValueError(f"--on: {read.code} sends no pulses; omit it")
     pressure = pressure_files.read(file, columns=columns)
     syncs = list(dict.fromkeys((read.sync, *USUAL_SYNCS)))
@@ -154,13 +151,12 @@ def _channel_lines(read: ToolConfiguration, file: Path, columns: str) -> list[st
     """
     import numpy as np
 
-    from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
     from mwd_surface.receiver import pressure_files
     from mwd_surface.receiver.link.link import NEEDED_DB
     from mwd_surface.receiver.pulse import pulse_widths
     from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 
-    if read.code not in PULSE_CODES:
+    if read.code != "mary":
         raise ValueError(f"--channel: {read.code} sends no pulses; omit it")
     pressure = pressure_files.read(file, columns=columns)
     receiver = PulseReceiver(read)

@@ -76,7 +76,7 @@ class Soft:
         parity.
     fits : float
         Log likelihood ratio of two cases: one pulse in each window of the table, or one or two pulses anywhere. NaN if
-        the code has no windows with gaps between them.
+        unknown.
     """
 
     candidates: tuple[Candidate, ...]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.plots.drawing import BLACK, BLUE, GOOD, NEUTRAL, finish_axes, new_figure
 from mwd_surface.receiver.words import BELIEVED, ReceivedWord, pulse_edges
 
@@ -50,7 +50,7 @@ def figure_of(
     quantity : PictureQuantity
         Quantity of the samples.
     """
-    closer = words and tool.code in PULSE_CODES
+    closer = words and tool.code == "mary"
     figure = new_figure(12.5, 10.0 if closer else 7.5)
     pressure, *pulses, confidence, spectrum = figure.subplots(4 if closer else 3, 1)
     _pressure(pressure, time_s, pressure_pa, quantity)

@@ -8,11 +8,10 @@ import dataclasses
 import numpy as np
 
 from mwd_sensors.core.arrays import Indices
-from mwd_sensors.telemetry import combinatorial, meanings
-from mwd_sensors.telemetry.combinatorial import SPACING_TU
-from mwd_sensors.telemetry.pulse_position import packets, window_tu
+from mwd_sensors.telemetry import meanings
+from mwd_sensors.telemetry.pulse_position import encode, packets, window_tu
 from mwd_sensors.telemetry.sequences import SequenceItem
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import SURVEY_LEVEL, TOOLFACE_LEVEL, Judged
 
 BELIEVED, ERASED, BY_CONSISTENCY = "believed", "erased", "by_consistency"
@@ -178,15 +177,13 @@ def received(
     )
 
 
-def packet_rows(items: tuple[SequenceItem, ...], code: str = "mary") -> tuple[Indices, int]:
+def packet_rows(items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
     """
-    Return the packets of words sent one after the other; in the combinatorial code a packet is one pulse.
-
-    code: code of the tool.
+    Return the packets of words sent one after the other.
 
     Returns
     -------
-    ndarray, shape (n, 6)
+    ndarray, shape (n, 5)
         Packets, as in `trellis.forward_backward`.
     int
         Total duration, TU.
@@ -194,17 +191,11 @@ def packet_rows(items: tuple[SequenceItem, ...], code: str = "mary") -> tuple[In
     rows = []
     at = 0
     for item in items:
-        if code == "combinatorial":
-            count, slots = combinatorial.shape(item.length)
-            values = slots - SPACING_TU * (count - 1)
-            rows += [(at + SPACING_TU * k, 0, k == count - 1, 0, values, 1) for k in range(count)]
-            at += combinatorial.encode(0, item.length).length
-            continue
         sizes = packets(item.length)
         for k, size in enumerate(sizes):
-            rows.append((at, size, k == len(sizes) - 1, item.parity, 1 << size, 0))
+            rows.append((at, size, k == len(sizes) - 1, item.parity, 1 << size))
             at += window_tu(size)
-    return np.array(rows, dtype=np.int64).reshape(-1, 6), at
+    return np.array(rows, dtype=np.int64).reshape(-1, 5), at
 
 
 def item_of(word: ReceivedWord, tool: ToolConfiguration) -> SequenceItem:
@@ -221,10 +212,10 @@ def pulse_edges(word: ReceivedWord, tool: ToolConfiguration) -> list[float]:
     The list is empty if the tool sends no pulses, or if the code has more bits than the word.
     """
     item = item_of(word, tool)
-    if tool.code not in PULSE_CODES or word.raw >= 1 << item.bits:
+    if tool.code != "mary" or word.raw >= 1 << item.bits:
         return []
     code = word.raw << 1 | tool.parity_bit(word.raw) if item.parity else word.raw
-    sent = tool.pulses(code, item.length)
+    sent = encode(code, item.length)
     # Unit of the tool's clock as received.
     unit = (word.end_s - word.start_s) / sent.length
     return [edge * unit for edge in sent.edges]

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.pressure_files import PressureFile
 from mwd_surface.receiver.pulse.pulse_receiver import LEAST_PER_TU
@@ -46,7 +46,7 @@ def _rate(time: Array, tool: ToolConfiguration | None) -> CheckResult:
         f"{len(time)} samples in {time[-1] - time[0]:.0f} s, {rate:.4g} a second, intervals equal within "
         f"{100 * spread:.0f} %: enough for pulses of {narrowest:.2g} s and longer"
     )
-    if tool is not None and tool.code in PULSE_CODES and tool.pulse_width_s < narrowest * (1.0 - 1e-6):
+    if tool is not None and tool.code == "mary" and tool.pulse_width_s < narrowest * (1.0 - 1e-6):
         needed = 2.0 * LEAST_PER_TU / tool.pulse_width_s
         return CheckResult("sample rate", CheckLevel.MISSING, state, f"record {needed:.3g} samples a second or more")
     return CheckResult("sample rate", CheckLevel.OK, state)

@@ -20,7 +20,6 @@ from mwd_sensors.simulator.scenario import Scenario
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
 from mwd_sensors.telemetry.log_channels import LogSample
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
 from mwd_surface.bags.bag_metadata import qos_profile
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.runs import launch_plan
@@ -242,7 +241,7 @@ class SimulatedTool:
     def _on_air(self, sent: Sent) -> OnAir:
         tool = sent.tool
         start = self._sonde.seconds(sent.start_ns)
-        width = tool.pulse_width_s if tool.code in PULSE_CODES else tool.symbol_s
+        width = tool.pulse_width_s if tool.code == "mary" else tool.symbol_s
         frequency = tool.carrier.frequency_hz
         return OnAir(tool.link, start, sent.edges_s, sent.phases, sent.octets, width, frequency)
 

@@ -81,9 +81,7 @@ def test_another_pulse_width_of_the_tool_is_said_and_used(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("code", "recording"), [("psk", "pressure.csv"), ("serial", "bytes.bin"), ("combinatorial", "pressure.csv")]
-)
+@pytest.mark.parametrize(("code", "recording"), [("psk", "pressure.csv"), ("serial", "bytes.bin")])
 def test_other_codes_are_simulated_and_decoded(tmp_path, code, recording):
     run("tool", "new", "-o", tmp_path / "tool.yaml", "--code", code)
     run("tool", "simulate", tmp_path / "tool.yaml", "-o", tmp_path / "well", "--minutes", 5)

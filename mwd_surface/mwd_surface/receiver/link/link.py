@@ -20,7 +20,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.units import LPM
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.switch import FLOW_HOLD_S, Switch
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.flow_spans import OFF, SURVEY_S, FlowSpans
 from mwd_surface.receiver.link import other_width
 from mwd_surface.receiver.link.link_attitude import AgeRules, LinkAttitude
@@ -123,7 +123,7 @@ class Link:
         self._last_word: ReceivedWord | None = None
         self._final: deque[ReceivedWord] = deque(maxlen=_JUDGED_WORDS)
         self._good: deque[tuple[float, int]] = deque()
-        self._other = OtherWidth(tool) if tool.code in PULSE_CODES else None
+        self._other = OtherWidth(tool) if tool.code == "mary" else None
         self.now_s = -math.inf
 
     @property
@@ -141,7 +141,7 @@ class Link:
         after._tool_flow, after.attitude = copy.deepcopy(self._tool_flow), copy.deepcopy(self.attitude)
         after.flow = after._tool_flow.spans
         after.now_s, after._last_survey = self.now_s, self._last_survey
-        if isinstance(self._receiver, PulseReceiver) and tool.code in PULSE_CODES:
+        if isinstance(self._receiver, PulseReceiver) and tool.code == "mary":
             after._receiver = self._receiver.successor(tool, after.flow)
         else:
             after._receiver = receiver_of(tool, after.flow)

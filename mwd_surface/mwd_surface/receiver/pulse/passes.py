@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mwd_sensors.core.arrays import Array, Indices
-from mwd_sensors.telemetry import combinatorial
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Candidate, Soft
@@ -52,7 +51,7 @@ class DecodedWord:
 
     Attributes
     ----------
-    rows : ndarray, shape (k, 6)
+    rows : ndarray, shape (k, 5)
         Packets of the word, as in `trellis.forward_backward`.
     at, length : int
         First sample of the word in the transmission; duration, TU.
@@ -135,23 +134,21 @@ class Pass:
             part.pulses = False
         return silent[0].at if silent else self.at
 
-    def add(
-        self, items: tuple[SequenceItem, ...], decision: segment.DecodedStretch, soft: list[Soft], code: str
-    ) -> None:
+    def add(self, items: tuple[SequenceItem, ...], decision: segment.DecodedStretch, soft: list[Soft]) -> None:
         """Append the next decoded words."""
-        self.parts += parts_of(items, decision, soft, self.at, code)
+        self.parts += parts_of(items, decision, soft, self.at)
         self.done += len(items)
         self.at = self.parts[-1].at + SAMPLES_PER_TU * self.parts[-1].length
 
 
 def parts_of(
-    items: tuple[SequenceItem, ...], decision: segment.DecodedStretch, soft: list[Soft], at: int, code: str
+    items: tuple[SequenceItem, ...], decision: segment.DecodedStretch, soft: list[Soft], at: int
 ) -> list[DecodedWord]:
-    """Return the decoded words; at: their first sample in the transmission; code: the code of the tool."""
+    """Return the decoded words; at: their first sample in the transmission."""
     parts = []
     first = 0
     for item, one in zip(items, soft, strict=True):
-        rows, length = packet_rows((item,), code)
+        rows, length = packet_rows((item,))
         mine = slice(first, first + len(rows))
         parts.append(
             DecodedWord(
@@ -188,10 +185,10 @@ def sync_places(tool: ToolConfiguration, start: int) -> list[PulsePlace]:
 def rows_from_sync(tool: ToolConfiguration, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
     """Return the packets of a sync, its header and the words after it, and their duration, TU."""
     sync, bits = tool.sync, tool.header_bits
-    rows, length = packet_rows((SequenceItem("header", bits, False), *items) if bits else items, tool.code)
+    rows, length = packet_rows((SequenceItem("header", bits, False), *items) if bits else items)
     rows[:, trellis.START] += sync.length_tu
     # Sync pulses are packets with a single value, because their places are known.
-    fixed = [(edge, 0, 1, 0, 1, rows[0, trellis.RISING]) for edge in sync.edges_tu]
+    fixed = [(edge, 0, 1, 0, 1) for edge in sync.edges_tu]
     return np.concatenate([np.array(fixed), rows]), sync.length_tu + length
 
 
@@ -199,25 +196,6 @@ def soft_words(
     decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
 ) -> list[Soft]:
     """Return the words with the probabilities of their most probable codes; parity: 0 even, 1 odd."""
-    found = (_soft_ranks if rows[0, trellis.RISING] else _soft_values)(decision, rows, items, parity)
-    ends = np.flatnonzero(rows[:, trellis.ENDS]) + 1
-    return [
-        dataclasses.replace(soft, fits=_worst(fit.sum(axis=0)))
-        for soft, fit in zip(found, np.split(decision.fits, ends[:-1]), strict=True)
-    ]
-
-
-def _worst(fits: Array) -> float:
-    """Return the log likelihood ratio of the table to all wrong tables; fits: the ratio to each kind of wrong table."""
-    # A wrong table has the same kind of pulses in all packets of a word.
-    least = np.min(fits)
-    return float(least - np.log(np.mean(np.exp(least - fits))))
-
-
-def _soft_values(
-    decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
-) -> list[Soft]:
-    """Return the words of the pulse position code with their most probable codes, for `soft_words`."""
     ends = np.flatnonzero(rows[:, trellis.ENDS])
     firsts = np.concatenate([[0], ends[:-1] + 1])
     holds = np.empty((len(items), len(_TEMPERATURES)))
@@ -233,39 +211,20 @@ def _soft_values(
                 value = int(code) >> 1 if item.parity else int(code)
                 codes[k].setdefault(value, [0.0] * len(_TEMPERATURES))[t] += math.exp(min(log - evidence, 0.0))
     chances = [np.array(list(one.values())).T for one in codes]
-    return [
-        _mixed(list(codes[k]), chances[k], holds[k] if item.parity else None, float(decision.disturbed[firsts[k]]))
-        for k, item in enumerate(items)
-    ]
-
-
-def _soft_ranks(
-    decision: segment.DecodedStretch, rows: Indices, items: tuple[SequenceItem, ...], parity: int
-) -> list[Soft]:
-    """Return the words of the combinatorial code with their most probable codes, for `soft_words`."""
-    ends = np.flatnonzero(rows[:, trellis.ENDS])
-    holds = np.empty((len(items), len(_TEMPERATURES)))
-    chances: list[list[Array]] = [[] for _ in items]
-    for t, temperature in enumerate(_TEMPERATURES):
-        unary, common = decision.unary / temperature, decision.common / temperature
-        forward, backward = trellis.forward_backward(rows, unary, common, decision.level, -1)
-        for k, (item, end) in enumerate(zip(items, ends, strict=True)):
-            table = combinatorial.values(item.length)
-            to = slice(0, end + 1)
-            log = trellis.all_words(rows[to], unary[to], common, decision.level[to], forward[to], backward[to], table)
-            chance = np.exp(log - log.max())
-            held = combinatorial.odd(item.length) == parity
-            holds[k, t] = chance[held].sum() / chance.sum()
-            chance = np.where(held, chance, 0.0) if item.parity else chance
-            chances[k].append(chance / max(chance.sum(), 1e-300))
+    fits = np.split(decision.fits, firsts[1:])
     softs = []
     for k, item in enumerate(items):
-        each = np.array(chances[k])
-        best = np.unique(np.argsort(-each, axis=1, kind="stable")[:, :_BEAM])
-        codes = [int(code) >> item.parity for code in best]
-        held_k = holds[k] if item.parity else None
-        softs.append(_mixed(codes, each[:, best], held_k, float(decision.disturbed[ends[k]])))
+        held = holds[k] if item.parity else None
+        soft = _mixed(list(codes[k]), chances[k], held, float(decision.disturbed[firsts[k]]))
+        softs.append(dataclasses.replace(soft, fits=_worst(fits[k].sum(axis=0))))
     return softs
+
+
+def _worst(fits: Array) -> float:
+    """Return the log likelihood ratio of the table to all wrong tables; fits: the ratio to each kind of wrong table."""
+    # A wrong table has the same kind of pulses in all packets of a word.
+    least = np.min(fits)
+    return float(least - np.log(np.mean(np.exp(least - fits))))
 
 
 def _mixed(codes: list[int], chances: Array, holds: Array | None, disturbed: float) -> Soft:

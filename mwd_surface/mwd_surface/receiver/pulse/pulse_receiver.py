@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Doubt
 from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU
@@ -61,8 +61,8 @@ class PulseReceiver(SampledReceiver):
     """
 
     def __init__(self, tool: ToolConfiguration, flow: FlowSpans | None = None) -> None:
-        if tool.code not in PULSE_CODES:
-            raise ValueError(f"code: this receiver reads pulses ({', '.join(PULSE_CODES)}), not {tool.code}")
+        if tool.code != "mary":
+            raise ValueError(f"code: this receiver reads pulses (mary), not {tool.code}")
         super().__init__(tool.tu_s / STEPS_PER_TU)
         self._tool = tool
         self._flow, self._finds_flow = flow or FlowSpans(), flow is None

@@ -91,7 +91,7 @@ class StretchOnToolClock:
         Pressure, Pa; 1 where a sample is known.
     pulses : ndarray, shape (j, 3)
         Pulses before the packets, as in `channel_estimate.place_pairs`.
-    packets : ndarray, shape (k, 6)
+    packets : ndarray, shape (k, 5)
         Packets, as in `trellis.forward_backward`; starts in TU after `start`.
     groups : ndarray, shape (g, 3)
         Groups of packets; the response for a group is estimated without the pressure of that group. Columns: number of
@@ -245,7 +245,8 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     fits = _fits(stretch, metric, common, level, pulses)
     g = _whitened(state.response, state.whitener)
     members = stretch.members()
-    ways = [trellis.log_ways(packets[mine]) for mine in members]
+    # Logarithm of the number of ways to place all pulses.
+    ways = [float(packets[mine, trellis.BITS].sum()) * math.log(2.0) for mine in members]
     counts = np.array([mine.stop - mine.start for mine in members])
     ebn0 = 10.0 * np.log10(np.maximum(float(g @ g) * counts * math.log(2.0) / (2.0 * np.array(ways)), 1e-6))
     # A pulse at its true place has a metric of half its energy, reduced where samples are unknown.
@@ -288,14 +289,11 @@ def _any_pulses(
     Return metrics that allow for missing and second pulses, and `present` as in `DecodedStretch`.
 
     unary: metrics without the energy shared with far pulses; beside: energy shared with the packets before and after.
-    The windows of a combinatorial word overlap, so its metrics do not change.
 
     A missing pulse has the likelihood of no pulse, whatever the value is; a second pulse may be at any place of the
     window. Both limit the confidence of a packet: a window without its pulse contains no information about the value.
     """
     packets, missing = stretch.packets, stretch.missing
-    if packets[0, trellis.RISING]:
-        return unary, np.ones_like(unary)
     unary = unary - beside
     count = packets[:, trellis.COUNT].astype(float)
     real = np.arange(unary.shape[1])[None, :] < packets[:, trellis.COUNT, None]
@@ -352,7 +350,7 @@ def shared_energy(
 
 def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Array, pulses: ExpectedPulses) -> Array:
     """
-    Return `fits` of `DecodedStretch`; NaN for a combinatorial word, whose windows overlap.
+    Return `fits` of `DecodedStretch`.
 
     The present table has one pulse in each window. Another table, or a second tool, has one or two pulses anywhere in a
     window and the gap after it; two pulses have half the size if the response was estimated from syncs that two tools
@@ -362,8 +360,6 @@ def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Arra
     metric: metric of a single pulse at each TU.
     """
     packets, missing = stretch.packets, stretch.missing
-    if packets[0, trellis.RISING]:
-        return np.full((len(packets), 3), np.nan)
     size = packets[:, trellis.COUNT, None] + GAP_TU
     each = np.arange(int(size.max()))[None, :]
     at = packets[:, trellis.START, None] + np.minimum(each, size - 1)

@@ -160,7 +160,7 @@ class ReceivedTransmission:
             length += self._tool.sync.length_tu if self._offered else 0
         else:
             now = self._following(self._pass) if self._pass.complete else self._pass
-            start, (_, length) = now.at, self._rows(now.following())
+            start, (_, length) = now.at, packet_rows(now.following())
         return self._clock.at(start + SAMPLES_PER_TU * (length + _AFTER_TU)) + REACH
 
     def ends(self) -> float:
@@ -195,13 +195,13 @@ class ReceivedTransmission:
         if now is None:
             return
         items = now.following()
-        rows, length = self._rows(items)
+        rows, length = packet_rows(items)
         clock, began, was_faint = self._clock, now.at, presence.faint
         decision = self._decode(rows, length, now.at)
         presence.judge(PulseEvidence(decision.evidence, decision.expected, len(rows), len(items)))
         self._gains.append((self._clock.at(began + SAMPLES_PER_TU * length), self.total + decision.evidence))
         soft = soft_words(decision, rows, items, self._parity)
-        now.add(items, decision, soft, self._tool.code)
+        now.add(items, decision, soft)
         if presence.faint:
             # Clock and channel must not be updated from data without pulses; the words are shown if the pulses come
             # back.
@@ -351,10 +351,6 @@ class ReceivedTransmission:
         """Position of the grid up to which pulses were found."""
         return self._clock.at(self._heard_at)
 
-    def _rows(self, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
-        """Return the packets of some words, and their duration, TU."""
-        return packet_rows(items, self._tool.code)
-
     def _seconds(self, sample: Any) -> Any:
         return self._grid.seconds(self._clock.at(sample))
 
@@ -364,9 +360,9 @@ class ReceivedTransmission:
     def _first_length(self, kind: str) -> int:
         if not self._tool.header_bits and not self._offered:
             items = self._tool.sequence(kind, 0)
-            return self._rows(stretch_of(items, 0))[1] if items else 0
+            return packet_rows(stretch_of(items, 0))[1] if items else 0
         return max(
-            (self._rows(stretch_of(items, 0, passes.LOOK_BITS))[1] for items in self._sequences(kind)), default=0
+            (packet_rows(stretch_of(items, 0, passes.LOOK_BITS))[1] for items in self._sequences(kind)), default=0
         )
 
     def _sequences(self, kind: str) -> tuple[tuple[SequenceItem, ...], ...]:
@@ -401,7 +397,7 @@ class ReceivedTransmission:
         if not self._tool.toolfaces:
             return "survey"
         looks = (stretch_of(self._tool.sequence(one, number), 0, passes.LOOK_BITS) for one in ("survey", "toolface"))
-        survey, toolface = (self._density(*self._rows(items), start) for items in looks)
+        survey, toolface = (self._density(*packet_rows(items), start) for items in looks)
         # Packets of another sequence may fit the pulses of a survey nearly as well as the packets of the survey.
         return "toolface" if toolface > max(_CLEARER * survey, 0.0) else "survey"
 
@@ -433,15 +429,15 @@ class ReceivedTransmission:
             if self._tool.length_tu((*words, item)) > longest:
                 break
             words += (item,)
-        return self._density(*self._rows(words), one.at) > max(self._density(*rows, one.at) for rows in anew)
+        return self._density(*packet_rows(words), one.at) > max(self._density(*rows, one.at) for rows in anew)
 
     def _header(self, start: int) -> int:
         items = (SequenceItem("header", self._tool.header_bits, False),)
-        rows, length = self._rows(items)
+        rows, length = packet_rows(items)
         decision = self._decode(rows, length, start)
         soft = soft_words(decision, rows, items, self._parity)[0]
         most = max(len(self._tool.surveys), len(self._tool.toolfaces))
-        self._places += parts_of(items, decision, [soft], start, self._tool.code)[0].places()
+        self._places += parts_of(items, decision, [soft], start)[0].places()
         valid = [one for one in soft.candidates if one.code < most]
         return max(valid, key=lambda one: one.probability).code if valid else 0
 

@@ -19,9 +19,8 @@ import numpy as np
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 
-# Number of values of a packet: 3 bits, or the places of one pulse of a combinatorial word.
-_VALUES, _VALUES_RISING = 8, 20
-START, BITS, ENDS, PARITY, COUNT, RISING = range(6)  # columns of a row of packets
+_VALUES = 8  # number of values of a packet of 3 bits
+START, BITS, ENDS, PARITY, COUNT = range(5)  # columns of a row of packets
 _NEVER = -1e30  # log probability of an impossible path
 
 
@@ -32,35 +31,15 @@ def _log_add(a: float, b: float) -> float:
     return a if b <= _NEVER else a + math.log1p(math.exp(b - a))
 
 
-def values_of(packets: Indices) -> int:
-    """Return the number of columns of an array with a column for each value that a packet can have."""
-    return _VALUES_RISING if packets[0, RISING] else _VALUES
-
-
 def uniform(packets: Indices) -> Array:
     """Return equal probabilities for all values of each packet; shape (n, values)."""
-    at = np.arange(values_of(packets))[None, :]
+    at = np.arange(_VALUES)[None, :]
     return np.where(at < packets[:, COUNT, None], 1.0 / packets[:, COUNT, None], 0.0)
 
 
 def places_of(packets: Indices) -> Indices:
     """Return the place of each packet value, TU; shape (n, values). Columns after the last value repeat its place."""
-    at = np.minimum(np.arange(values_of(packets))[None, :], packets[:, COUNT, None] - 1)
-    turned = np.where(packets[:, RISING, None] == 1, at, packets[:, COUNT, None] - 1 - at)
-    return np.asarray(packets[:, START, None] + turned)
-
-
-def log_ways(packets: Indices) -> float:
-    """Return the logarithm of the number of ways to place all pulses."""
-    if not packets[0, RISING]:
-        return float(packets[:, BITS].sum()) * math.log(2.0)
-    total, pulses = 0.0, 0
-    for row in packets:
-        pulses += 1
-        if row[ENDS]:
-            total += math.log(math.comb(int(row[COUNT]) + pulses - 1, pulses))
-            pulses = 0
-    return total
+    return np.asarray(packets[:, START, None] + np.maximum(packets[:, COUNT, None] - 1 - np.arange(_VALUES), 0))
 
 
 @compiled
@@ -77,18 +56,14 @@ def _pair(common: Array, gap: int, level: float) -> float:
 @compiled
 def place(packets: Indices, k: int, value: int) -> int:
     """Return the place of the pulse of packet k for a value, TU."""
-    if packets[k, 5] == 1:
-        return int(packets[k, 0] + value)
     return int(packets[k, 0] + packets[k, 4] - 1 - value)
 
 
 @compiled
 def step_metric(packets: Indices, unary: Array, common: Array, level: Array, k: int, before: int, value: int) -> float:
-    """Return the metric of a value given the previous packet's value; `_NEVER` if it may not follow that value."""
+    """Return the metric of a value given the previous packet's value."""
     metric = float(unary[k, value])
     if k > 0:
-        if packets[k, 5] == 1 and packets[k - 1, 2] == 0 and value < before:
-            return _NEVER
         at = place(packets, k, value)
         last = place(packets, k - 1, before)
         metric -= _pair(common, at - last, math.sqrt(level[k] * level[k - 1]))
@@ -102,10 +77,9 @@ def forward_backward(packets: Indices, unary: Array, common: Array, level: Array
 
     Parameters
     ----------
-    packets : ndarray, shape (n, 6)
+    packets : ndarray, shape (n, 5)
         Columns: start of the window in TU; bits; whether a word ends with the packet; whether that word has a parity
-        bit; number of values; whether the values of successive packets of a word must rise (combinatorial code) or
-        count from the end of the window (pulse position).
+        bit; number of values, which count from the end of the window.
     unary : ndarray, shape (n, values)
         Metric of each value by itself.
     common : ndarray, shape (m,)
@@ -133,7 +107,7 @@ def forward_backward(packets: Indices, unary: Array, common: Array, level: Array
                 metric = step_metric(packets, unary, common, level, k, before, value)
                 for odd in range(2):
                     so_far = forward[k - 1, 2 * before + odd]
-                    if so_far > _NEVER and metric > _NEVER:
+                    if so_far > _NEVER:
                         _reach(packets, parity, forward, k, value, 0 if fresh else odd, so_far + metric)
     for state in range(states):
         if forward[n - 1, state] > _NEVER:
@@ -145,7 +119,7 @@ def forward_backward(packets: Indices, unary: Array, common: Array, level: Array
                 metric = step_metric(packets, unary, common, level, k + 1, before, value)
                 for odd in range(2):
                     after = 2 * value + ((0 if fresh else odd) ^ _odd(value))
-                    if min(backward[k + 1, after], forward[k, 2 * before + odd], metric) > _NEVER:
+                    if min(backward[k + 1, after], forward[k, 2 * before + odd]) > _NEVER:
                         backward[k, 2 * before + odd] = _log_add(
                             backward[k, 2 * before + odd], backward[k + 1, after] + metric
                         )
@@ -270,45 +244,3 @@ def _entry(packets: Indices, unary: Array, common: Array, level: Array, forward:
             metric = step_metric(packets, unary, common, level, k, state // 2, value)
             reach = _log_add(reach, forward[k - 1, state] + metric)
     return reach
-
-
-@compiled
-def all_words(
-    packets: Indices,
-    unary: Array,
-    common: Array,
-    level: Array,
-    forward: Array,
-    backward: Array,
-    values: Indices,
-) -> Array:
-    """
-    Return the log probability (not normalised by the evidence) of each code of one word of the combinatorial code.
-
-    Parameters
-    ----------
-    packets, unary, common, level, forward, backward
-        As in `forward_backward`; the word ends with the last of these packets.
-    values : ndarray, shape (codes, pulses)
-        Value of each pulse for each code.
-
-    Returns
-    -------
-    ndarray, shape (codes,)
-    """
-    codes, pulses = values.shape
-    out = np.empty(codes)
-    end = len(packets) - 1
-    first = end - pulses + 1
-    entry = np.empty(packets[first, 4])
-    for value in range(len(entry)):
-        entry[value] = _entry(packets, unary, common, level, forward, first, value)
-    for code in range(codes):
-        total = entry[values[code, 0]]
-        for j in range(1, pulses):
-            total += step_metric(
-                packets, unary, common, level, first + j, int(values[code, j - 1]), int(values[code, j])
-            )
-        state = 2 * values[code, pulses - 1]
-        out[code] = total + max(backward[end, state], backward[end, state + 1])
-    return out

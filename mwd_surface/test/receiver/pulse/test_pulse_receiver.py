@@ -252,20 +252,6 @@ def test_samples_too_far_apart_are_refused():
         decode(TOOL, time, np.sin(time))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("depth", "clock"), [(3000.0, 0.0), (5000.0, 1e-3)])
-def test_the_combinatorial_code_is_read_as_well(depth, clock):
-    tool = dataclasses.replace(TOOL, code="combinatorial", header_bits=2)
-    sent = transmit(tool, ((20.0, 420.0),), 3, clock)
-    run = link_run(MudChannel(well=WellGeometry(depth_m=depth), flow_off_s=((-100.0, 20.0),)), sent, 420.0, 3)
-    got = decode(tool, run.time_s, run.pressure_pa)
-    both = pairs(run, got.words, tool, depth)
-    assert len(both) == len(sent.words)
-    assert all(s.raw == w.raw for s, w in both if w.status == BELIEVED)
-    assert np.mean([w.status == BELIEVED for _, w in both]) > 0.9
-    assert all(len(w.alternatives) == 3 for _, w in both)
-
-
 def test_a_code_without_pulses_is_refused():
     with pytest.raises(ValueError, match="not psk"):
         PulseReceiver(dataclasses.replace(TOOL, code="psk"))

@@ -6,7 +6,6 @@ import itertools
 import numpy as np
 import pytest
 
-from mwd_sensors.telemetry import combinatorial
 from mwd_sensors.telemetry.sequences import parse
 from mwd_surface.receiver.pulse import trellis
 from mwd_surface.receiver.words import packet_rows
@@ -55,25 +54,3 @@ def test_marginals_and_words_are_those_of_all_combinations(parity):
             pair = (int(code) >> low, int(code) & (1 << low) - 1)
             total = sum(p for values, p in expected.items() if (values[2 * word], values[2 * word + 1]) == pair)
             assert np.exp(log - evidence) == pytest.approx(total, abs=1e-9)
-
-
-def test_words_of_the_combinatorial_code_are_those_of_all_combinations():
-    """Two words of 4 bits (two pulses each): every pair of codes counted by hand."""
-    rows, _ = packet_rows(parse("aTFA:4 aTFA:4"), "combinatorial")
-    table = combinatorial.values(4)
-    random = np.random.default_rng(2)
-    values, count = trellis.values_of(rows), len(rows)
-    unary, level = random.normal(size=(count, values)), np.ones(count)
-    common = np.array([3.0, 2.0, 1.0, 0.5, 0.2, 0.1])
-    sums = trellis.forward_backward(rows, unary, common, level, -1)
-    found = trellis.all_words(rows, unary, common, level, *sums, table)
-    # What comes before the second word is any rising pair of places, whether or not it has a code.
-    pairs = [(a, b) for a in range(rows[0, trellis.COUNT]) for b in range(a, rows[1, trellis.COUNT])]
-    assert trellis.log_ways(rows) == pytest.approx(2.0 * np.log(len(pairs)))
-    for code in (0, 7, 15):
-        ways = [(*before, *table[code]) for before in pairs]
-        logs = [
-            sum(trellis.step_metric(rows, unary, common, level, k, way[k - 1] if k else 0, way[k]) for k in range(4))
-            for way in ways
-        ]
-        assert found[code] == pytest.approx(np.log(np.sum(np.exp(logs))))
