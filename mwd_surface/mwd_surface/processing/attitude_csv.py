@@ -22,14 +22,15 @@ HEADER = ",".join(
     ("stamp_ns", *_ANGLES, *(f"sigma_{key}" for key in _ANGLES), "gravity_x", "gravity_y", "gravity_z", "status")
 )
 _DEG = 180.0 / math.pi
+_ANGLE_DECIMALS, _GRAVITY_DECIMALS = 6, 9
 # Number of steps of the last decimal in 1 deg, and in a gravity component of 1.
-_ANGLE_UNIT, _GRAVITY_UNIT = 10**6, 10**9
+_ANGLE_UNIT, _GRAVITY_UNIT = 10**_ANGLE_DECIMALS, 10**_GRAVITY_DECIMALS
 _TURN = 360 * _ANGLE_UNIT
 # Largest length of a row without the status words: stamp with sign, angles and sigmas, three components, commas,
 # newline.
 _ROW_BYTES = 21 + 2 * len(_ANGLES) * 13 + 3 * 14 + 2
-# ASCII codes of the digits of the numbers 0 to 9999, so that each division yields four digits.
-_DIGITS = 48 + (np.arange(10000)[:, None] // np.array([1000, 100, 10, 1]) % 10).astype(np.uint8)
+# ASCII codes.
+_COMMA, _MINUS, _POINT, _ZERO, _NEWLINE = 44, 45, 46, 48, 10
 
 
 class CsvLines:
@@ -80,78 +81,26 @@ def _status_index(status: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], NDArr
 
 
 @compiled
-def _four(buffer: NDArray[np.uint8], at: int, value: int) -> None:
-    """Write the four digits of a number below 10 000, with leading zeros."""
-    for k in range(4):
-        buffer[at + k] = _DIGITS[value, k]
-
-
-@compiled
-def _whole(buffer: NDArray[np.uint8], at: int, value: int) -> int:
-    """Write a non-negative integer; return the position after it."""
-    groups, rest = 0, value
-    while rest >= 10000:
-        rest //= 10000
-        groups += 1
-    skip = 3 if rest < 10 else 2 if rest < 100 else 1 if rest < 1000 else 0
-    for k in range(skip, 4):
-        buffer[at + k - skip] = _DIGITS[rest, k]
-    at += 4 - skip
-    for k in range(groups - 1, -1, -1):
-        rest = value // 10000
-        _four(buffer, at + 4 * k, value - 10000 * rest)
-        value = rest
-    return at + 4 * groups
-
-
-@compiled
-def _angle(buffer: NDArray[np.uint8], at: int, value: float, known: bool, wraps: bool) -> int:
-    """
-    Write a comma and, if `known`, an angle, rad, in degrees with six decimals; return the position after it.
-
-    If `wraps`, 360 deg becomes 0.
-    """
-    buffer[at] = 44
-    if not known:
-        return at + 1
-    units = math.floor(value * _DEG * _ANGLE_UNIT + 0.5)
-    if wraps and units == _TURN:
-        units = 0
-    at += 1
+def _number(buffer: NDArray[np.uint8], at: int, units: int, decimals: int) -> int:
+    """Write a number, given in units of its last decimal; return the position after it."""
     if units < 0:
-        buffer[at] = 45
+        buffer[at] = _MINUS
         at += 1
         units = -units
-    whole = units // _ANGLE_UNIT
-    units -= whole * _ANGLE_UNIT
-    at = _whole(buffer, at, whole)
-    buffer[at] = 46
-    high = units // 10000
-    buffer[at + 1], buffer[at + 2] = _DIGITS[high, 2], _DIGITS[high, 3]
-    _four(buffer, at + 3, units - 10000 * high)
-    return at + 7
-
-
-@compiled
-def _component(buffer: NDArray[np.uint8], at: int, value: float) -> int:
-    """Write a comma and a component of a unit vector with nine decimals; return the position after it."""
-    buffer[at] = 44
-    at += 1
-    units = math.floor(value * _GRAVITY_UNIT + 0.5)
-    if units < 0:
-        buffer[at] = 45
-        at += 1
-        units = -units
-    whole = units // _GRAVITY_UNIT
-    units -= whole * _GRAVITY_UNIT
-    at = _whole(buffer, at, whole)
-    buffer[at] = 46
-    high = units // 10000
-    first = high // 10000
-    buffer[at + 1] = 48 + first
-    _four(buffer, at + 2, high - 10000 * first)
-    _four(buffer, at + 6, units - 10000 * high)
-    return at + 10
+    digits, power, rest = decimals + 1, 10**decimals, units // 10
+    while rest >= power:
+        digits += 1
+        power *= 10
+    end = at + digits + (1 if decimals > 0 else 0)
+    point = end - 1 - decimals if decimals > 0 else -1
+    for k in range(end - 1, at - 1, -1):
+        if k == point:
+            buffer[k] = _POINT
+        else:
+            rest = units // 10
+            buffer[k] = _ZERO + units - 10 * rest
+            units = rest
+    return end
 
 
 @compiled
@@ -167,28 +116,25 @@ def _write(
 ) -> int:
     at, count = 0, angles.shape[1] // 2
     for i in range(len(stamps)):
-        down, stamp = gravity[i], stamps[i]
-        if stamp < 0:
-            buffer[at] = 45  # minus sign
-            at += 1
-            stamp = -stamp
-        at = _whole(buffer, at, stamp)
+        at = _number(buffer, at, stamps[i], 0)
         # The sigmas follow the angles, in the same order.
         for j in range(angles.shape[1]):
-            at = _angle(buffer, at, angles[i, j], not math.isnan(angles[i, count + j % count]), wraps[j])
-        known = not math.isnan(down["sigma"])
-        vector = down["gravity"]
+            buffer[at] = _COMMA
+            at += 1
+            if not math.isnan(angles[i, count + j % count]):
+                units = math.floor(angles[i, j] * _DEG * _ANGLE_UNIT + 0.5)
+                at = _number(buffer, at, 0 if wraps[j] and units == _TURN else units, _ANGLE_DECIMALS)
+        known, vector = not math.isnan(gravity[i]["sigma"]), gravity[i]["gravity"]
         for c in range(3):
+            buffer[at] = _COMMA
+            at += 1
             if known:
-                at = _component(buffer, at, vector[c])
-            else:
-                buffer[at] = 44
-                at += 1
-        buffer[at] = 44
+                at = _number(buffer, at, math.floor(vector[c] * _GRAVITY_UNIT + 0.5), _GRAVITY_DECIMALS)
+        buffer[at] = _COMMA
         at += 1
         for j in range(starts[index[i]], starts[index[i] + 1]):
             buffer[at] = text[j]
             at += 1
-        buffer[at] = 10
+        buffer[at] = _NEWLINE
         at += 1
     return at
