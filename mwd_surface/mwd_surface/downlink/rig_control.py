@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Control of top drive and pumps while a command is sent, under a lease of the control authority."""
+"""The rig during a downlink: its clock, and control of top drive and pumps under a lease of the control authority."""
 
 from __future__ import annotations
+
+import math
 
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode, SetPoint
@@ -11,6 +13,7 @@ _NAME, _ROLE = "downlink", "command to the tool"
 _SENDER = Sender("surface", _NAME)
 _PRIORITY = 100  # priority of the request for control, 0 to 255; owners with a lower priority lose control
 _VALID_S = 5.0  # if the surface stops, the rig returns to the driller's settings after this time, s
+_SILENT_S = 2.0  # time without data after which the rig is silent, s
 
 
 class RigControl:
@@ -78,3 +81,42 @@ class RigControl:
         if self.has:
             self._authority.release(self._lease, now, _SENDER, reason)
             self._lease = 0
+
+
+class RigClock:
+    """
+    Time of the rig's data, s, continued by the steady clock when the data are late.
+
+    It goes back only if a new time is more than five seconds earlier.
+    """
+
+    def __init__(self) -> None:
+        self._rig = self._steady = -math.inf
+        self._given = -math.inf
+
+    def take(self, rig: float, steady: float) -> float:
+        """
+        Add a time of the rig that arrived at a steady time, both s; return the time in force, s.
+
+        The time in force is the latest time of the rig so far. If the rig's time is 5 s or more before it, the clock
+        begins again with the rig's time.
+        """
+        if rig < self._given - 5.0:
+            self._given = -math.inf
+        self._rig, self._steady = rig, steady
+        self._given = max(self._given, rig)
+        return self._given
+
+    def now(self, steady: float, otherwise: float) -> float:
+        """Return the time of the rig at a steady time, s; otherwise: value to return before the first data."""
+        if math.isinf(self._rig):
+            return otherwise
+        late = steady - self._steady
+        # Continue the time by the steady clock only if data are late, because the time of a rig that is simulated
+        # faster than real time runs ahead of the steady clock.
+        self._given = max(self._given, self._rig + (late if late > _SILENT_S else 0.0))
+        return self._given
+
+    def silent(self, steady: float) -> bool:
+        """Return whether the rig has sent no data in the last two seconds; steady: steady time, s."""
+        return steady - self._steady > _SILENT_S

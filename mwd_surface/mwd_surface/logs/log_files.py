@@ -7,6 +7,7 @@ import io
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -21,6 +22,9 @@ _NULL = -999.25  # number that stands for an unknown value in a LAS file
 #: Mnemonics of curves in LAS that other programs know; any other channel has its name in capitals.
 MNEMONICS = {"gamma": "GR", "inclination": "INCL", "temperature": "TEMP", "lateral_vibration": "VIBL"}
 _DECIMALS = 3  # number of decimals in files
+_NAMESPACE = "http://www.witsml.org/schemas/1series"
+# WITSML symbols of the units in which files are written; a quantity without unit has none.
+_SYMBOLS = {"deg": "dega", "m/s^2": "m/s2", "rpm": "rpm", "C": "C", "gAPI": "gAPI"}
 _QUALITY = (
     f"sum of flags: {INCOMPLETE} little data, {SATURATED} detector saturated (lower bound), {FROM_WORD} from a word, "
     f"{ONE_SIDED} one side of the hole"
@@ -131,6 +135,59 @@ def las(log: DepthLog, which: str, well: Well) -> bytes:
     return text.getvalue().encode()
 
 
+def witsml(log: DepthLog, which: str, well: Well) -> bytes:
+    """Return a WITSML 1.4.1.1 log object, UTF-8: one row per depth step, an empty field for an unknown value."""
+    found = columns(log, which)
+    depth = found[0].values
+    names = [f"<{tag}>{escape(plain(text)[:64])}</{tag}>" for tag, text in _head(well, which)]
+    ends = []
+    if len(depth):
+        ends = [f'<startIndex uom="m">{depth[0]:.3f}</startIndex>', f'<endIndex uom="m">{depth[-1]:.3f}</endIndex>']
+    curves = [_curve(column) for column in found]
+    cells = [printed(column.values) for column in found]
+    rows = [
+        f"<data>{','.join('' if cell[k] is None else f'{cell[k]:.3f}' for cell in cells)}</data>"
+        for k in range(len(depth))
+    ]
+    uids = (("uidWell", well.name), ("uidWellbore", well.wellbore_name), ("uid", f"mwd-{which}"))
+    attributes = " ".join(f"{name}={quoteattr(plain(text)[:64])}" for name, text in uids)
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<logs xmlns="{_NAMESPACE}" version="1.4.1.1">',
+        f"<log {attributes}>",
+        *names,
+        "<indexType>measured depth</indexType>",
+        *ends,
+        "<direction>increasing</direction>",
+        f"<indexCurve>{found[0].mnemonic}</indexCurve>",
+        *curves,
+        "<logData>",
+        f"<mnemonicList>{','.join(column.mnemonic for column in found)}</mnemonicList>",
+        f"<unitList>{','.join(_symbol(column) for column in found)}</unitList>",
+        *rows,
+        "</logData>",
+        "</log>",
+        "</logs>",
+    ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _head(well: Well, which: str) -> tuple[tuple[str, str], ...]:
+    return ("nameWell", well.name), ("nameWellbore", well.wellbore_name), ("name", f"MWD log, {which} pass")
+
+
+def _symbol(column: LogColumn) -> str:
+    return _SYMBOLS.get(column.unit, column.unit) or "unitless"
+
+
+def _curve(column: LogColumn) -> str:
+    return (
+        f'<logCurveInfo uid="{column.mnemonic}"><mnemonic>{column.mnemonic}</mnemonic>'
+        f"<unit>{escape(_symbol(column))}</unit><curveDescription>{escape(column.description[:256])}</curveDescription>"
+        "<typeLogData>double</typeLogData></logCurveInfo>"
+    )
+
+
 def gap_lines(log: DepthLog, which: str) -> list[str]:
     """Return one sentence for each channel with gaps."""
     return [_gap_line(curve) for curve in log.curves(which) if curve.gaps]
@@ -152,15 +209,9 @@ def printed(values: Sequence[float] | Array) -> list[float | None]:
     return [float(cell) if cell else None for cell in cells]
 
 
-def _witsml(log: DepthLog, which: str, well: Well) -> bytes:
-    from mwd_surface.logs.log_witsml import witsml_log
-
-    return witsml_log(log, which, well)
-
-
 FORMATS: dict[str, Callable[[DepthLog, str, Well], bytes]] = {
     ".las": las,
     ".csv": csv,
     ".parquet": parquet,
-    ".xml": _witsml,
+    ".xml": witsml,
 }

@@ -25,8 +25,7 @@ from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.downlink.interlocks import InterlockReadings
 from mwd_surface.downlink.machine import ENDED, NEXT, DownlinkState, Machine, Transition
 from mwd_surface.downlink.memory import Kept, Memory
-from mwd_surface.downlink.rig_clock import RigClock
-from mwd_surface.downlink.rig_control import RigControl
+from mwd_surface.downlink.rig_control import RigClock, RigControl
 from mwd_surface.downlink.settings import DownlinkSettings
 from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.live.alarms import Severity

@@ -13,7 +13,6 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import MessagePart
 from mwd_surface.bags.merged_bag import MergedBag
-from mwd_surface.processing.thinner import Thinner
 
 # Topics of the estimator, relative to the namespace of the IMU.
 _TOPICS = {
@@ -30,6 +29,27 @@ def end_rows(output: Output) -> NDArray[np.int64]:
     """Return, for each survey, the index of the first attitude row at or after its end, or of the last row."""
     newest = np.maximum.accumulate(output.attitude["stamp_ns"])
     return np.searchsorted(newest, [survey.end_ns for survey in output.surveys]).clip(max=len(newest) - 1)
+
+
+class Thinner:
+    """
+    Selector of the first row of streams in each interval of equal length, independent of the block boundaries.
+
+    rate_hz : largest number of rows per second; 0 keeps every row.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._period_ns = round(1e9 / rate_hz) if rate_hz > 0.0 else 0
+        self._last = -1
+
+    def __call__(self, stamp_ns: NDArray[np.int64]) -> slice | NDArray[np.bool_]:
+        """Return which rows of a block to keep, by their stamps, shape (n,), ns: the first of each period, or all."""
+        if self._period_ns <= 0 or not len(stamp_ns):
+            return slice(None)
+        intervals = stamp_ns // self._period_ns
+        picked: NDArray[np.bool_] = np.diff(intervals, prepend=self._last) != 0
+        self._last = int(intervals[-1])
+        return picked
 
 
 class Merger:

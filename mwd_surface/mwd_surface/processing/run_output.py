@@ -19,8 +19,7 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.merged_bag import merged_bag
 from mwd_surface.processing import attitude_csv
 from mwd_surface.processing.bag_input import InputSettings, find_topics
-from mwd_surface.processing.merger import Merger
-from mwd_surface.processing.thinner import Thinner
+from mwd_surface.processing.merger import Merger, Thinner
 from mwd_surface.signals import cells
 
 FORMATS = ("csv", "parquet", "mcap")

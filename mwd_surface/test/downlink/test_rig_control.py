@@ -7,8 +7,7 @@ from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.control.status import ControlJudgement, ControlRequest, Sender
-from mwd_surface.downlink.rig_clock import RigClock
-from mwd_surface.downlink.rig_control import RigControl
+from mwd_surface.downlink.rig_control import RigClock, RigControl
 
 
 @pytest.fixture
