@@ -59,7 +59,7 @@ class BagWriter:
     in_place : bool
         False: write to a temporary folder next to `path` and rename it to `path` on `close`; a failure leaves nothing.
         True: write in `path` from the beginning and update metadata.yaml at the end of each file, as a recorder needs.
-    compression, level, chunk_bytes
+    compression, chunk_bytes
         See `McapWriter`.
     custom : mapping of str, optional
         Table ``custom_data`` of metadata.yaml, for information that people may need about the bag.
@@ -79,7 +79,6 @@ class BagWriter:
         *,
         in_place: bool = False,
         compression: str = "zstd",
-        level: int = 1,
         chunk_bytes: int = 1024 * 1024,
         custom: Mapping[str, str] | None = None,
     ) -> None:
@@ -89,7 +88,7 @@ class BagWriter:
         self.definitions = definitions or installed()
         self.custom = dict(custom or {})
         self.files: list[File] = []
-        self._options = {"compression": compression, "level": level, "chunk_bytes": chunk_bytes}
+        self._compression, self._chunk_bytes = compression, chunk_bytes
         self._folder = self.path if in_place else self.path.with_name(f".{self.path.name}.unfinished")
         if not in_place and self._folder.exists():
             shutil.rmtree(self._folder)
@@ -400,7 +399,7 @@ class BagWriter:
 
     def _new_file(self) -> McapWriter:
         path = self._folder / f"{self.path.name}_{self._next}.mcap"
-        file = McapWriter(path, **self._options)  # type: ignore[arg-type]
+        file = McapWriter(path, self._compression, self._chunk_bytes)
         self._next += 1
         return file
 

@@ -88,7 +88,7 @@ def combined(run: Iterable[LogSample], memory: Iterable[LogSample]) -> list[LogS
     return kept + memory
 
 
-def recorded_surveys(bag: Bag, well: str = "") -> list[Survey]:
+def recorded_surveys(bag: Bag) -> list[Survey]:
     """
     Return the surveys in a dump of the memory.
 
@@ -97,7 +97,7 @@ def recorded_surveys(bag: Bag, well: str = "") -> list[Survey]:
     BagError
         The dump has no surveys.
     """
-    name = topic_of(bag, SURVEY, Survey.MESSAGE, well)
+    name = topic_of(bag, SURVEY, Survey.MESSAGE)
     if name is None:
         raise BagError(f"{bag.path} has no surveys, {SURVEY}", "is it a dump of a memory (`mwd memory dump`)?")
     return [Survey.from_message(bag.decode(name, data)) for _, _, _, data in bag.messages([name])]
@@ -266,7 +266,7 @@ def _common(before: Curve, after: Curve, step_m: float) -> tuple[np.ndarray, tup
     return had, (sigma[new][both], after.sigma[both])
 
 
-def rotation_of_rig(bag: Bag, well: str = "") -> Rotation:
+def rotation_of_rig(bag: Bag, well: str) -> Rotation:
     """
     Return the speed of the top drive in a recording.
 
@@ -280,7 +280,7 @@ def rotation_of_rig(bag: Bag, well: str = "") -> Rotation:
     return _rising(samples["stamp_ns"][known], samples["rotary_speed"][known])
 
 
-def rotation_of_memory(bag: Bag, well: str = "") -> Rotation:
+def rotation_of_memory(bag: Bag) -> Rotation:
     """
     Return the speed of the tool in a dump of its memory.
 
@@ -289,7 +289,7 @@ def rotation_of_memory(bag: Bag, well: str = "") -> Rotation:
     BagError
         The dump has no gravity samples.
     """
-    samples = _samples(bag, GRAVITY, wire.GRAVITY, well, "is it a dump of a memory (`mwd memory dump`)?")
+    samples = _samples(bag, GRAVITY, wire.GRAVITY, "", "is it a dump of a memory (`mwd memory dump`)?")
     return _rising(samples["stamp_ns"], samples["rotary_speed"])
 
 

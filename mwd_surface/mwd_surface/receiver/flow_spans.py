@@ -15,6 +15,8 @@ OFF = 0.25
 """Share of the usual pressure below which the pumps count as off; friction in a mud line falls faster than its flow."""
 _ON = 0.4
 _FORGET_S = 3600.0
+# Averaging time before the pressure is judged; it makes the result independent of how the samples are cut.
+_BLOCK_S = 1.0
 SURVEY_S = 10.0
 """Time at rest that a survey takes, s; after a longer time at rest the tool sends a new survey."""
 # Lowest standpipe pressure of a drilling rig.
@@ -29,17 +31,9 @@ class NoFlowSpan(NamedTuple):
 
 
 class FlowSpans:
-    """
-    Finder of spans without flow in blocks of pressure.
+    """Finder of spans without flow in blocks of pressure."""
 
-    Parameters
-    ----------
-    block_s : float
-        Averaging time before the pressure is judged; it makes the result independent of how the samples are cut.
-    """
-
-    def __init__(self, block_s: float = 1.0) -> None:
-        self._block_s = block_s
+    def __init__(self) -> None:
         self._cell: float | None = None
         self._sum = self._count = 0.0
         self._usual = 0.0
@@ -52,15 +46,15 @@ class FlowSpans:
         time, pressure = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)
         finite = np.isfinite(time) & (np.abs(pressure) < LARGEST)
         time, pressure = time[finite], pressure[finite]
-        cells = np.floor(time / self._block_s)
+        cells = np.floor(time / _BLOCK_S)
         for inside in np.split(np.arange(len(cells)), np.flatnonzero(np.diff(cells)) + 1):
             if not len(inside):
                 continue
             cell = float(cells[inside[0]])
             if self._cell is not None and cell != self._cell and self._count:
-                self._judge(self._cell * self._block_s, self._sum / self._count)
+                self._judge(self._cell * _BLOCK_S, self._sum / self._count)
                 self._sum = self._count = 0.0
-                unseen = NoFlowSpan((self._cell + 1.0) * self._block_s, cell * self._block_s)
+                unseen = NoFlowSpan((self._cell + 1.0) * _BLOCK_S, cell * _BLOCK_S)
                 self._gaps += [unseen] if unseen.end_s - unseen.start_s >= SURVEY_S else []
             self._cell = cell
             self._sum += float(pressure[inside].sum())
@@ -109,6 +103,6 @@ class FlowSpans:
 
     def _judge(self, at: float, mean: float) -> None:
         # Follow a rising pressure at once and a falling one over an hour, because mud and depth change slowly.
-        self._usual = max(mean, self._usual * math.exp(-self._block_s / _FORGET_S), _LEAST_PA)
+        self._usual = max(mean, self._usual * math.exp(-_BLOCK_S / _FORGET_S), _LEAST_PA)
         if mean > _ON * self._usual or mean < OFF * self._usual:
             self.switch(at, mean > _ON * self._usual)

@@ -14,11 +14,11 @@ from mwd_surface.bags.mcap.records import COMPRESSIONS, ChunkHead, FormatError
 class Compressor:
     """Compressor of chunks; each thread needs its own, because a compressor keeps a context."""
 
-    def __init__(self, compression: str = "zstd", level: int = 1) -> None:
+    def __init__(self, compression: str) -> None:
         if compression not in COMPRESSIONS:
             raise ValueError(f"compression: {compression!r} is not one of '', 'zstd', 'lz4'")
         self.compression = compression
-        self._zstd = zstandard.ZstdCompressor(level=level) if compression == "zstd" else None
+        self._zstd = zstandard.ZstdCompressor(level=1) if compression == "zstd" else None
 
     def __call__(self, data: bytes) -> bytes:
         """Return the compressed form of `data`."""

@@ -65,8 +65,6 @@ class McapWriter:
         File to create; it must not exist.
     compression : {"zstd", "lz4", ""}
         Compression of the chunks; "": none.
-    level : int
-        Compression level of zstd.
     chunk_bytes : int
         A chunk is closed when its uncompressed records reach this size.
 
@@ -88,7 +86,7 @@ class McapWriter:
         after its last complete record, so that the call may be repeated or the file finished.
     """
 
-    def __init__(self, path: Path, compression: str = "zstd", level: int = 1, chunk_bytes: int = 1024 * 1024) -> None:
+    def __init__(self, path: Path, compression: str = "zstd", chunk_bytes: int = 1024 * 1024) -> None:
         self.path = path
         self.chunk_bytes = chunk_bytes
         self.size = 0
@@ -96,7 +94,7 @@ class McapWriter:
         self.start_ns: int | None = None
         self.end_ns = 0
         self.channels: dict[int, Channel] = {}
-        self._compress = Compressor(compression, level)
+        self._compress = Compressor(compression)
         self._schemas: dict[int, Schema] = {}
         # Kept in encoded form, as in the summary, because an hour of a fast recording has tens of thousands of chunks.
         self._chunk_index: list[bytes] = []
