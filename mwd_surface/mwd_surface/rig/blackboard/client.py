@@ -38,7 +38,6 @@ from mwd_surface.rig.interface import (
     wait_for,
 )
 from mwd_surface.rig.opcua.address_space import STATUS_CODES, VariableValue
-from mwd_surface.rig.opcua.data_value import data_value
 from mwd_surface.rig.values import RigValues
 from mwd_surface.signals.table import TO_RIG
 
@@ -218,7 +217,7 @@ class Blackboard(RigInterface):
         if self._bare:
             return ua.DataValue(ua.Variant(reading.value, ua.VariantType.Double))
         # The blackboard sets the server timestamp.
-        return dataclasses.replace(data_value(ua, reading, "Double"), ServerTimestamp=None)
+        return dataclasses.replace(reading.data_value(ua, "Double"), ServerTimestamp=None)
 
     async def _take(self, reader: _Depths, now: float) -> None:
         found = await reader.read(now)
