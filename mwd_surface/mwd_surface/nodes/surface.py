@@ -410,7 +410,7 @@ class StaticFrames:
         self._published: tuple[str, float] | None = None
 
     def open(self) -> None:
-        """Open the topic."""
+        """Create the publisher of `/tf_static`."""
         self._publisher = self._context.node.add_publisher(TFMessage, "/tf_static", LATCHED)
 
     def publish(self, tool_frame: str, sensor_to_bit: float) -> None:
