@@ -383,7 +383,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
 def _words(row: InputState) -> str:
     if math.isnan(row.data_age + row.clock_offset):
-        return "none came yet"
+        return "no data have arrived yet"
     return f"clock {row.clock.name.lower()}, offset {row.clock_offset:+.3f} s, age {row.data_age:.3f} s {row.reason}"
 
 
