@@ -112,7 +112,11 @@ def add_sample(p: GyroAzimuthParams, s: GyroAzimuthState, sample: Sample, earth_
 
 @compiled
 def gyro_turn_at(s: GyroAzimuthState, at: int) -> float:
-    """Return `GyroAzimuthState.gyro_turn`, rad, interpolated at a time, ns; constant outside the stored samples."""
+    """
+    Return the change of the azimuth since the start by the gyros (`gyro_turn`), rad, at a time, ns.
+
+    The change is interpolated between the stored samples, and constant before and after them.
+    """
     earlier, later, share = ring.around(s.recent, at)
     turn: float = (1.0 - share) * s.recent.rows[earlier].gyro_turn + share * s.recent.rows[later].gyro_turn
     return turn

@@ -226,7 +226,7 @@ def _keep(s: TimeAlignmentState, sample: Sample) -> None:
 
 @compiled
 def _hand_on(s: TimeAlignmentState, model: FieldModel, at: int, pair: Pair) -> None:
-    """Complete a selected pair with its stamp `at`, ns, and the sigma of its azimuth."""
+    """Set the last values of a pair of magnetic sample and gravity: its stamp `at`, ns, and 1 sigma of its azimuth."""
     cosine = pair.g_t[0]
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     axial = model.sigma_axial * sine * math.sin(pair.azimuth - model.north_correction)

@@ -162,7 +162,8 @@ WORDS: dict[Code, str] = {
     "no gyro finds north above latitude {limit:.0f deg}",
     Code.NO_PRECISION_UNIT: "no samples of the precision unit arrive (gyro/data_raw)",
     Code.TOOL_NOT_STILL: "the tool has not kept still",
-    Code.SEEK_LEVELLING: "the gyro needs {limit:.0f s} of data, had {value:.0f s}: the tool is being levelled",
+    Code.SEEK_LEVELLING: "the gyro needs {limit:.0f s} of data, had {value:.0f s}: the direction of gravity is "
+    "still being measured",
     Code.SEEK_TOO_SHORT: "the gyro needs {limit:.0f s} of data, had {value:.0f s}",
     Code.SEEK_IMPROVES: "good to {value:.1f deg} after {values[0]:.0f s}",
     Code.GYRO_CLIPPED: "a gyro clipped (range {values[1]:.0f deg/s}) in {value:.0f} of {values[0]:.0f} samples: "

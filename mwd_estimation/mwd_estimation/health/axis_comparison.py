@@ -191,7 +191,7 @@ def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
 
 @compiled
 def _read_axes(sums: Any, s: int) -> tuple[int, int, int, bool]:
-    """Return the results for the axes of sensor s, and `strange` as in `axes_of`."""
+    """Return the result for each axis of sensor s, and whether one of its axes is wrong (`strange` in `axes_of`)."""
     found, shaken = np.full(3, _SILENT_AXIS), 0.0
     # In a steady rotation the leakage hides the small rates of the cross-axis gyros: the second comparison removes the
     # means.

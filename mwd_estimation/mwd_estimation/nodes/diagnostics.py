@@ -38,7 +38,7 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int, lately: bool = True) 
         ("rejected", str(counters.rejected)),
         ("late magnetic", str(counters.late_mag)),
         ("magnetic spikes", str(counters.spikes)),
-        ("of no time in use", str(pipeline.of_no_time)),
+        ("at another time than the IMU", str(pipeline.of_no_time)),
         ("unreadable", str(unreadable)),
         ("time went back", str(counters.set_back)),
     )

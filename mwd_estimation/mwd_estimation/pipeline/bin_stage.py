@@ -189,7 +189,7 @@ class BinStage:
             bins.models.append((place, self._field.in_force))
 
     def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:
-        """Begin and return the survey of an interval at rest; without a sensor fault, it updates the field model."""
+        """Return the provisional survey of an interval at rest; update the field model if no sensor was faulty."""
         number = self._numbering.next()
         reference, turning = self._reference(still), self.turning.found
         taken = self.decision.begin(still, number, reference, found, turning, usable=self._sensors_usable)

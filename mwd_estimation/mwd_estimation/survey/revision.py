@@ -148,9 +148,10 @@ def _seeks(taken: dict[int, Taken]) -> list[dict[int, Taken]]:
 
 def _of_seek(model: RunModel, seek: dict[int, Taken]) -> dict[int, Finding | None]:
     """
-    Return the findings of the stations of one seek by index; None where no sensor measures the azimuth.
+    Return the finding of each station of one seek, by index of the station; None where no sensor measures the azimuth.
 
-    Each finding uses the fields of the other stations of the seek, not their gyro azimuths.
+    model: run model that has learned the stations outside the seek. In addition, each finding uses the accelerometers
+    and magnetometers of the other stations of the seek, but not their gyro azimuths.
     """
     if len(seek) > 1:
         model.merge()

@@ -121,7 +121,12 @@ class _Triad:
         return self.noise / self.windows * numbers / (numbers - 2.0)
 
     def tilt(self, alike: float) -> tuple[complex, float]:
-        """Return the tilt of the axis, rad, and its variance, rad^2; alike: 1 sigma of the common error of K."""
+        """
+        Return the tilt of the axis of rotation, rad, and its variance, rad^2.
+
+        alike: 1 sigma of the error that is the same in every window, of the part of the x readings that turns with the
+        string; in the unit of the sensor.
+        """
         if not self.weight > 0.0:
             return 0j, math.inf
         variance = self.mean_noise + alike**2 * self.windows

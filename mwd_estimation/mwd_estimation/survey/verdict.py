@@ -207,9 +207,9 @@ def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, set
     alignment = math.sqrt(float(station.alignment[1, 1]))
     risk, sound = finding.beyond(far, alignment), math.hypot(finding.nominal, alignment)
     if risk > quality.far_probability and _DETERMINED * sound > far:
-        # At this attitude even a healthy tool could not determine the azimuth. This alone is no reason to reject the
-        # station. If there are other reasons, or if the magnetic toolface is probably wrong too, let the total field
-        # and the dip decide.
+        # Even a healthy tool cannot determine the azimuth at this attitude, so the large sigma does not show a
+        # disturbance. Judge the total field and the dip only if there is another reason against the azimuth, or if the
+        # field across the tool is probably disturbed, so that the magnetic toolface is wrong too.
         across = sum(finding.hypotheses.get(kind, 0.0) for kind in _ACROSS)
         if azimuth.verdict != ACCEPT or across > _DISTURBED:
             _judge_totals(azimuth, station, settings)

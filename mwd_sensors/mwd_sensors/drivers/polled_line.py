@@ -107,7 +107,7 @@ class ReplyItem:
 class Poll:
     """One request and its reply."""
 
-    command: int = setting(4, "Command, or function code.", low=0, high=127)
+    command: int = setting(4, "Code of the command in the request; for Modbus, the function code.", low=0, high=127)
     request: str = setting("", "Bytes between command and check of the request, in hex.")
     items: tuple[ReplyItem, ...] = setting((), "Numbers of the reply, in order.")
 

@@ -77,8 +77,8 @@ _WRONG = {
 class Fault:
     """One fault of one component."""
 
-    component: str = setting(doc="component that fails", choices=tuple(COMPONENTS))
-    fault: str = setting(doc="kind of failure", choices=WORDS)
+    component: str = setting(doc="Component that fails.", choices=tuple(COMPONENTS))
+    fault: str = setting(doc="Kind of failure.", choices=WORDS)
     axis: str = setting("all", "Axis that fails.", choices=AXES)
     start_s: float = setting(0.0, "Time of the run at which the fault begins.", unit="s", low=0.0, high=1e9)
     seconds: float = setting(1e9, "Duration of the fault.", unit="s", low=0.0, high=1e9)

@@ -92,8 +92,8 @@ class MagnetometerGrade:
 class Grade:
     """Error figures of a class of instruments, with its name and the source of the figures."""
 
-    name: str = setting(doc="name of the grade")
-    source: str = setting(doc="source of the figures")
+    name: str = setting(doc="Name of the grade.")
+    source: str = setting(doc="Source of the figures, such as a data sheet.")
     gyro: GyroGrade = setting(GyroGrade, "Errors of the gyros.")
     accelerometer: AccelerometerGrade = setting(AccelerometerGrade, "Errors of the accelerometers.")
     magnetometer: MagnetometerGrade = setting(MagnetometerGrade, "Errors of the magnetometers.")

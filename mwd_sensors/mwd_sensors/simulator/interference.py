@@ -24,9 +24,11 @@ class Pole:
     """A magnetic pole in the ground: the end of a casing, a joint of an offset well."""
 
     position_m: tuple[float, float, float] = setting(
-        doc="position: north, east, down from the wellhead", unit="m", low=-1e5, high=1e5
+        doc="Position of the pole from the wellhead: north, east, down.", unit="m", low=-1e5, high=1e5
     )
-    strength_uwb: float = setting(doc="pole strength, positive where field lines leave", unit="uWb", low=-1e5, high=1e5)
+    strength_uwb: float = setting(
+        doc="Strength of the pole, positive where field lines leave it.", unit="uWb", low=-1e5, high=1e5
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,10 +36,10 @@ class CasedWell:
     """A cased well nearby, with magnetic poles of random sign and strength at the joints of its casing."""
 
     start_m: tuple[float, float, float] = setting(
-        doc="one end of the well: north, east, down", unit="m", low=-1e5, high=1e5
+        doc="One end of the cased well from the wellhead: north, east, down.", unit="m", low=-1e5, high=1e5
     )
     end_m: tuple[float, float, float] = setting(
-        doc="other end of the well: north, east, down", unit="m", low=-1e5, high=1e5
+        doc="Other end of the cased well from the wellhead: north, east, down.", unit="m", low=-1e5, high=1e5
     )
     joint_m: float = setting(12.0, "Length of a casing joint.", unit="m", low=1.0, high=100.0)
     strength_uwb: float = setting(100.0, "Magnetic pole strength of a joint, 1 sigma.", unit="uWb", low=0.0, high=1e5)
@@ -51,8 +53,10 @@ class Anomaly:
     Between two depths the field is interpolated linearly; above the first and below the last depth it is constant.
     """
 
-    md_m: float = setting(doc="measured depth of the sonde", unit="m", low=-100.0, high=20000.0)
-    field_nt: tuple[float, float, float] = setting(doc="field: north, east, down", unit="nT", low=-1e6, high=1e6)
+    md_m: float = setting(doc="Measured depth of the sonde.", unit="m", low=-100.0, high=20000.0)
+    field_nt: tuple[float, float, float] = setting(
+        doc="Disturbing field at this depth: north, east, down.", unit="nT", low=-1e6, high=1e6
+    )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -128,8 +128,14 @@ class Shocks:
         (0.5, 4.0), "Shortest and longest duration of a half-sine.", unit="ms", low=0.1, high=50.0
     )
     clearance_mm: float = setting(15.0, "Largest displacement of the tool.", unit="mm", low=0.5, high=200.0)
-    axial_share: float = setting(0.3, "Root mean square share of the direction along the hole.", low=0.0, high=1.0)
-    when: str = setting("drilling", "Phases of the schedule in which they act.", choices=WHEN)
+    axial_share: float = setting(
+        0.3,
+        "Component of a shock along the hole divided by each component across it, root mean square. At 1 all "
+        "directions are equally probable.",
+        low=0.0,
+        high=1.0,
+    )
+    when: str = setting("drilling", "Phases of the schedule in which shocks occur.", choices=WHEN)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,9 +159,11 @@ class StickSlip:
 class Hunting:
     """Wandering of the toolface while sliding, caused by reactive torque."""
 
-    toolface_deg: float = setting(8.0, "Root mean square of the wandering.", unit="deg", low=0.0, high=180.0)
+    toolface_deg: float = setting(
+        8.0, "Deviation of the toolface from its mean, root mean square.", unit="deg", low=0.0, high=180.0
+    )
     band_hz: tuple[float, float] = setting(
-        (0.02, 0.3), "Lowest and highest frequency of the wandering.", unit="Hz", low=0.001, high=20.0
+        (0.02, 0.3), "Lowest and highest frequency of the deviation.", unit="Hz", low=0.001, high=20.0
     )
 
 

@@ -148,7 +148,11 @@ def is_channel_name(name: str) -> bool:
 
 
 def usual(words: Mapping[str, Word]) -> dict[str, LogChannel]:
-    """Return `CHANNELS`, without the words that are missing in `words` or have another quantity's unit there."""
+    """
+    Return the usual log channels (`CHANNELS`) of a tool with these words.
+
+    A channel is not sent over the link if its word is missing in `words`, or has the unit of another quantity there.
+    """
     found = {}
     for name, channel in CHANNELS.items():
         try:

@@ -21,12 +21,17 @@ MAX_BITS = 24
 class Word:
     """Coding of one measured value as a word; low, high and sigma are in the word's unit, as users write them."""
 
-    bits: int = setting(0, "Length of the word; 0 if the sequence gives it.", low=0, high=MAX_BITS)
-    low: float = setting(0.0, "Value of the code 0.")
-    high: float = setting(1.0, "Value of the highest code; for a word that wraps, the value that is the same as low.")
+    bits: int = setting(0, "Number of bits of the word; 0 if the sequences state it (NAME:BITS).", low=0, high=MAX_BITS)
+    low: float = setting(0.0, "Value that the code 0 stands for.")
+    high: float = setting(
+        1.0,
+        "Value that the highest code stands for; for a word that wraps, the value that equals low, such as 360 deg.",
+    )
     unit: str = setting("", "Unit of low and high.")
     wraps: bool | None = setting(
-        None, "Whether high and low are the same direction; by default true for a full circle in deg."
+        None,
+        "Whether the value wraps: low and high are then the same direction, such as 0 and 360 deg. By default it wraps "
+        "if its unit is deg and high is 360 above low.",
     )
     logarithmic: bool = setting(False, "Whether steps are equal ratios instead of equal differences (used for sigmas).")
     sigma: float = setting(

@@ -270,7 +270,7 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
 
 
 def numbers_in(text: str, separator: str = ",") -> list[float]:
-    """Return the numbers of a text that are separated by commas or another separator; empty if one is no number."""
+    """Return the numbers in a text, separated by commas or another separator; empty if a part is not a number."""
     try:
         return [float(part) for part in text.split(separator)]
     except ValueError:

@@ -242,7 +242,11 @@ def _note(record: SurveyRecord | None, kind: str) -> str:
 
 
 def _assumed(table: SurveyTable, k: int) -> str:
-    """Return the note on the assumption at a station without a survey; the flags of a survey contain this note."""
+    """
+    Return a note if the position of a station without a survey depends on an assumption; otherwise "".
+
+    At a station with a survey, the flags of the survey contain this note already.
+    """
     if table.path.kind[k] == ASSUMED:
         return "assumed, not surveyed"
     return "coordinates assumed" if table.path.assumed and table.records[k] is None else ""

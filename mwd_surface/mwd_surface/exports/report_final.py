@@ -27,7 +27,7 @@ _CHANGES = (
 )
 _OVERLAPS = (
     *(("From", "m"), ("To", "m"), ("Used", ""), ("Left out", ""), ("1σ used", "m"), ("1σ left out", "m")),
-    ("Apart beyond their errors", ""),
+    ("Differ by more than their errors", ""),
 )
 _DEG = 180.0 / math.pi
 

@@ -17,8 +17,9 @@ from typing import ClassVar
 from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.message_record import MessageRecord
 
-# Largest number of alarms and of events. A further event replaces the oldest event. A further alarm replaces the oldest
-# alarm that is no longer active; if all are active, the new alarm is refused and an event is logged.
+# Largest numbers of alarms and of events that are stored. At the limit, a new event replaces the oldest event, and a
+# new alarm replaces the oldest alarm that is not active any more. If all stored alarms are active, the new alarm is not
+# stored, but an event with its text is logged.
 _MAX_ALARMS, _MAX_EVENTS = 200, 1000
 
 Causes = dict[str, tuple[int, str, str]]

@@ -50,10 +50,10 @@ class SupervisionRow:
 
 # Nodes that the surface supervises by their heartbeats -> functions that still work without the node.
 _OTHERS = {
-    "sonde": "as without samples",
-    "probe": "as without samples",
-    "estimator": "as without attitude",
-    "receiver": "as without the link",
+    "sonde": "the same as without samples of the sonde",
+    "probe": "the same as without samples of the sonde",
+    "estimator": "the same as without attitude",
+    "receiver": "the same as without the telemetry link",
 }
 _GONE = "values turn stale and are withheld from the rig"
 TABLE = (
@@ -169,7 +169,7 @@ TABLE = (
             Severity.WARNING,
             "end other programs on this machine; read the node's log",
             "messages wait in bounded queues, the oldest are dropped and counted",
-            "everything, late",
+            "everything, but with a delay",
         )
         for node in (*_OTHERS, "surface")
     ),

@@ -73,7 +73,7 @@ class ControlServer:
         self._reason = ""
 
     def open(self) -> None:
-        """Open topics and services."""
+        """Create the publishers of the state of control and of commands to the rig, and the services for control."""
         node = self._node
         self._names = {name: node.resolve_topic_name(name) for name in ("control/command",)}
         self._names |= {name: node.resolve_service_name(name) for name in ("request_control", "release_control")}

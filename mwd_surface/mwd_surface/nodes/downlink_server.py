@@ -82,7 +82,11 @@ class DownlinkServer:
         self._link_seen: tuple[float, bool] = (-math.inf, False)
 
     def open(self) -> None:
-        """Open topic, services and action; nothing without a tool file, only services if no command can be sent."""
+        """
+        Create the publisher of the state, the services and the action.
+
+        Without a tool file nothing is created; if no command can be sent, only the services.
+        """
         node = self._node
         if self._machine is None and self._refusal == _NO_TOOL:
             return

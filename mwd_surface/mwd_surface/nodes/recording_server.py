@@ -116,7 +116,7 @@ class RecordingServer:
         self._live.on_recorder(status, self._context.well_now)
 
     def open(self) -> None:
-        """Open topic and services."""
+        """Create the publisher of the recorder's status, and the services to start, stop, split and snapshot."""
         self._status = self._node.add_publisher(msg.RecorderStatus, "recorder", STATE)
         self._node.add_service(srv.StartRecording, "start_recording", self.start)
         self._node.add_service(Trigger, "stop_recording", self.stop)

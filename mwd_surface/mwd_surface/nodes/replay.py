@@ -232,9 +232,9 @@ class ReplayNode(GraphNode[ReplaySettings]):
         pace, _ = self._started()
         self._end_step(False, "the replay continues")
         if not pace.paused:
-            return "going on already"
+            return "the replay is running already"
         pace.resume(time.monotonic())
-        return "going on"
+        return "the replay continues"
 
     @answering
     def _on_seek(self, request: SeekReplay.Request, response: SeekReplay.Response) -> str:

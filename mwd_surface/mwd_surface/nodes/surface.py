@@ -383,7 +383,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
 def _words(row: InputState) -> str:
     if math.isnan(row.data_age + row.clock_offset):
-        return "none came yet"
+        return "no data have arrived yet"
     return f"clock {row.clock.name.lower()}, offset {row.clock_offset:+.3f} s, age {row.data_age:.3f} s {row.reason}"
 
 
@@ -410,7 +410,7 @@ class StaticFrames:
         self._published: tuple[str, float] | None = None
 
     def open(self) -> None:
-        """Open the topic."""
+        """Create the publisher of `/tf_static`."""
         self._publisher = self._context.node.add_publisher(TFMessage, "/tf_static", LATCHED)
 
     def publish(self, tool_frame: str, sensor_to_bit: float) -> None:

@@ -92,7 +92,7 @@ class SurveyListServer(SurveyBook):
         self.surveys = self._with_leg(self.surveys.along(plan.plan), settings.leg)
 
     def open(self) -> None:
-        """Open topics and services."""
+        """Create the publishers of list, path, accepted surveys and operator events, and the services for surveys."""
         node = self._node
         self._accepted_publisher = node.add_publisher(msg.SurveyRecord, "survey/accepted", EVENT)
         self._event_publisher = node.add_publisher(msg.OperatorEvent, "operator_events", STATE)
@@ -294,12 +294,12 @@ class SurveyListServer(SurveyBook):
             self._save(self.surveys)
 
     def show(self) -> None:
-        """Show list and path, publish them, and write the report."""
+        """Show the survey list and the well path, publish them, and write the report."""
         super().show()
         self._report()
 
     def publish(self, surveys: SurveyList, path: Definitive) -> None:
-        """Publish list and path."""
+        """Publish the survey list, and the well path as mwd_msgs/Trajectory and nav_msgs/Path."""
         wellhead, local = (self._node.frame(name) for name in (wire.WELLHEAD_FRAME, wire.LOCAL_FRAME))
         self._list_publisher.publish(list_message(surveys, wellhead, make))
         self._trajectory_publisher.publish(trajectory_message(path, surveys.changed_ns, wellhead, make))

@@ -195,5 +195,5 @@ class TopicRouter:
         """Return a diagnostic of the topics that are to be recorded and do not exist yet; none if all exist."""
         if not self._missing:
             return []
-        message = f"not there yet: {', '.join(sorted(self._missing))}"
+        message = f"these topics do not exist yet: {', '.join(sorted(self._missing))}"
         return [Diagnostic("topics to record", WARN, message, "check the name, and that a node publishes this topic")]

@@ -71,7 +71,7 @@ class NodeOutlet(WellOutlet):
         self._told = 0
 
     def open(self) -> None:
-        """Open the topics."""
+        """Create the publishers of toolface, inputs, steering advice, events and alarms."""
         node = self._node
         self._toolface = node.add_publisher(msg.Toolface, "toolface", DEADLINE_STATE)
         self._inputs = node.add_publisher(msg.InputList, "inputs", TOPICS["inputs"][1])

@@ -138,8 +138,8 @@ class BagEstimate:
         same = estimator == (recorded or Recorded()).estimator
         self._requests = RecordedRequests(bag, self._list.namespace, begin_ns, with_field=same)
         self._used = UsedSamples(bag, self._list.namespace)
-        # Samples of all sensors in the last two blocks, with the blocks: a restart of the estimate needs those of the
-        # sensors other than the IMU again.
+        # For each of the last two blocks: the samples of all sensors, and the block. If the estimate restarts, it needs
+        # the samples again of all sensors except the IMU.
         self._companions: list[tuple[BlockSamples, Block]] = []
         self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None, mount)
         self._span = asked_span(bag, given)

@@ -76,9 +76,10 @@ class UnknownUnitError(ValueError):
 
 def of_numbers(numbers: Array, unit: str) -> Array:
     """
-    Return times as seconds; unit: unit of the column, "" if unknown.
+    Return the times in a column of numbers, s, counted from the origin of the numbers; unit: "" if unknown.
 
-    Without a unit the numbers may also be clocks HHMMSS.ff; they continue after midnight.
+    Without a unit the numbers may also be clocks HHMMSS.ff. Clocks count from midnight, and continue after the next
+    midnight.
 
     Raises
     ------
@@ -171,9 +172,10 @@ def _midnights(clock: Array, last: float = math.nan) -> Array:
 
 def of_text(text: Any) -> Array:
     """
-    Return dates and clocks, an Arrow array of text, as seconds; NaN where a cell is neither.
+    Return the times in a column of text (an Arrow array), s since 1970; NaN where a cell is neither date nor clock.
 
-    A clock without date continues after midnight. An offset from UTC in a cell is subtracted.
+    Clocks without a date count from midnight, and continue after the next midnight. An offset from UTC in a cell is
+    subtracted.
     """
     clock, ways = _moments(text)
     order, _ = _order(ways)

@@ -70,7 +70,7 @@ class ParameterTables:
         return without_secrets({name: value for name, (value, _) in settings.flat(self._node.settings).items()})
 
     def tables(self) -> dict[str, dict[str, str]]:
-        """Return all tables, by their name in a recording."""
+        """Return the parameters of all nodes as tables, by the name of the table in a recording."""
         known = {f"parameters/{name}": table for name, table in self._tables.items() if table}
         return {f"parameters/{self._node.get_name()}": self.own(), **known}
 
@@ -79,7 +79,7 @@ class ParameterTables:
         return self._tables.get(node, {}).get(name)
 
     def take_new(self) -> dict[str, dict[str, str]]:
-        """Return the tables received since the last call, for the running recording, which does not have them yet."""
+        """Return the parameter tables that arrived since the last call, to add them to the running recording."""
         new, self._new = self._new, []
         return {f"parameters/{name}": self._tables[name] for name in new}
 

@@ -157,8 +157,8 @@ def disagreement(tally: RodTally, bit_depth: float, length: float, rods: float =
         return ""
     way = "too many" if apart > 0.0 else "too few"
     return (
-        f"{len(tally.lengths)} rods make {tally.bit_depth:.2f} m, the rig says {bit_depth:.2f} m: {way} rods in the"
-        f" tally by {abs(apart) / length:.1f}, or the depth of the rig is wrong"
+        f"{len(tally.lengths)} rods make {tally.bit_depth:.2f} m, the rig says {bit_depth:.2f} m: {way} rods are"
+        f" in the tally (difference: {abs(apart) / length:.1f} rods), or the depth of the rig is wrong"
     )
 
 

@@ -230,7 +230,11 @@ def covariance_of(terms: Sequence[ErrorTerm], n: int) -> Array:
 
 
 def shared_shifts(terms: Sequence[ErrorTerm]) -> dict[tuple[str, str], Array]:
-    """Return the shifts of all positions due to 1 sigma of each shared error, shape (n, 3), m, by name and `shared`."""
+    """
+    Return the shifts of all positions, m, shape (n, 3), that 1 sigma of each shared error causes.
+
+    The key is `name` and `shared` of the terms of the error, see `ErrorTerm`.
+    """
     shifts: dict[tuple[str, str], Array] = {}
     for term in terms:
         if term.shared != RANDOM:

@@ -54,7 +54,7 @@ class CircleEvidence:
 
     @functools.cached_property
     def _probable(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Return `share`, `by_angle`, `by_kind`, `with_gyro` and `highest`, which are computed together."""
+        """Compute the properties `share`, `by_angle`, `by_kind`, `with_gyro` and `highest` in one pass."""
         n, m, h, _ = self.log.shape
         share, found = np.empty_like(self.log), (np.zeros((n, 3)), np.zeros((m, h)), np.zeros((n, m)), np.zeros(m))
         _probabilities(self.log, circle.widths(self.angles), share, *found)

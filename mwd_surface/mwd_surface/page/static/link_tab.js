@@ -22,7 +22,7 @@ function wordBox(word) {
   const bar = el("span", { class: "link-share", "aria-hidden": "true" });
   // Set the width by script, because the content policy forbids styles in the markup.
   bar.style.setProperty("--share", `${share}%`);
-  return el("span", { class: "link-word", "data-status": word.status, title: provisional(word, t`${say(word.status)}, right with ${share} %`) },
+  return el("span", { class: "link-word", "data-status": word.status, title: provisional(word, t`${say(word.status)}, right with a probability of ${share} %`) },
     el("span", { class: "name" }, say(word.name)), el("span", { class: "number" }, word.status === "erased" ? t("erased") : valueText(word)), bar);
 }
 
@@ -88,7 +88,7 @@ function figures(link) {
     ["Eb/N0", link.ebn0_db === null ? t("no signal") : `${link.ebn0_db.toFixed(1)} dB`],
     [t("margin"), link.margin_db === null ? t("no signal") : `${link.margin_db.toFixed(1)} dB`],
     [t("believed bits"), link.goodput === null ? t("none yet") : `${link.goodput.toFixed(2)} /s`],
-    [t("words expected wrong"), link.word_error === null ? t("not known") : `${(100 * link.word_error).toFixed(1)} %`],
+    [t("expected share of wrong words"), link.word_error === null ? t("not known") : `${(100 * link.word_error).toFixed(1)} %`],
     [t("tool clock"), link.clock_error === null ? t("not known") : `${(100 * link.clock_error).toFixed(3)} %`],
     [t("pumps"), link.strokes.length ? link.strokes.map((hz) => `${(60 * hz).toFixed(1)} /min`).join(", ") : t("not counted")],
   ];
@@ -106,7 +106,7 @@ function words(link) {
   const rows = [...link.words].reverse().slice(0, 20).map((word) => el("tr", { "data-status": word.status }, [
     units.clock(word.stamp_ns), say(word.name), valueText(word), `${(Math.floor(1000 * word.confidence) / 10).toFixed(1)} %`, provisional(word, say(word.status)),
   ].map((text) => el("td", {}, text))));
-  return table([t("end, UTC"), t("word"), t("value"), t("right with"), t("status")], rows, t("No word yet."));
+  return table([t("end, UTC"), t("word"), t("value"), t("confidence"), t("status")], rows, t("No word yet."));
 }
 
 function table(names, rows, empty) {

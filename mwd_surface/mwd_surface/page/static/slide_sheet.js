@@ -40,6 +40,6 @@ export function slideSheet(steering) {
     el("div", { class: "split two" },
       el("div", {}, el("h2", {}, t("Slide sheet")),
         el("p", { class: "quiet-text" }, t`slid ${length(slid)} ${unit}, rotated ${length(turned)} ${unit}, ${share} % slid` + (left ? t`; ${left} earlier lines are in the file` : "")), list),
-      el("div", {}, el("h2", {}, t("What the slides gave")), gave)),
+      el("div", {}, el("h2", {}, t("Yield of the slides")), gave)),
   ];
 }

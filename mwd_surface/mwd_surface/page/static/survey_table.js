@@ -193,7 +193,7 @@ export class SurveyTable {
     const box = el("div", { class: "detail" },
       controls ? this.judging(row) : null,
       el("dl", {}, facts.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text)))),
-      why.length ? el("ul", { class: "reasons" }, why.map((text) => el("li", {}, say(text)))) : el("p", {}, t("Nothing to remark.")),
+      why.length ? el("ul", { class: "reasons" }, why.map((text) => el("li", {}, say(text)))) : el("p", {}, t("No remarks.")),
     );
     return el("tr", { class: "detail-row" }, el("td", { colspan: span }, box));
   }

@@ -286,7 +286,7 @@ def _any_pulses(
     stretch: StretchOnToolClock, unary: Array, beside: Array, common: Array, level: Array
 ) -> tuple[Array, Array]:
     """
-    Return metrics that allow for missing and second pulses, and `present` as in `DecodedStretch`.
+    Return metrics that allow for missing and second pulses, and the probability that the pulse of a value is present.
 
     unary: metrics without the energy shared with far pulses; beside: energy shared with the packets before and after.
 
@@ -350,12 +350,13 @@ def shared_energy(
 
 def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Array, pulses: ExpectedPulses) -> Array:
     """
-    Return `fits` of `DecodedStretch`.
+    Return for each packet the log likelihood ratio of the present word table to each kind of wrong table, shape (k, 3).
 
     The present table has one pulse in each window. Another table, or a second tool, has one or two pulses anywhere in a
     window and the gap after it; two pulses have half the size if the response was estimated from syncs that two tools
     sent together. Where no pulse arrives, both have the same likelihood: silence counts neither for nor against the
-    table.
+    table. The columns are: one pulse, two pulses, and two pulses of half size. The ratios of a combinatorial word are
+    NaN, because its windows overlap.
 
     metric: metric of a single pulse at each TU.
     """

@@ -337,7 +337,7 @@ class ReceivedTransmission:
         self._places = [one for one in self._places if one.at >= oldest]
 
     def _pulses(self) -> list[passes.PulsePlace]:
-        """Return all known pulses."""
+        """Return the possible places of all known pulses: of earlier words, and of the words of the present pass."""
         parts = self._pass.parts if self._pass is not None else []
         return self._places + [one for part in parts for one in part.places()]
 
