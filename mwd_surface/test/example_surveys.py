@@ -132,13 +132,6 @@ def stretches():
     return tuple(found)
 
 
-def offset_lists(folder, north="grid"):
-    """Write the lists of two offset wells: a vertical one, and one that runs beside the example's."""
-    (folder / "straight.csv").write_text(f"md_m,inc_deg,azi_{north}_deg\n0,0,0\n300,0,0\n900,0,0\n")
-    rows = "\n".join(f"{30 * k},{max(0.0, 4.0 * (k - 11))},79" for k in range(25))
-    (folder / "beside.csv").write_text(f"md_m,inc_deg,azi_{north}_deg\n{rows}\n")
-
-
 def table(plan=None, **changes):
     whole = surveys(dataclasses.replace(WELL, **changes.pop("well", {})), changes.pop("tie_on", VERTICAL))
     return survey_table(whole if plan is None else whole.along(plan), MADE, software="mwd 0.1.0", **changes)
