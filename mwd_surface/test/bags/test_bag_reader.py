@@ -6,19 +6,19 @@ from __future__ import annotations
 import contextlib
 import itertools
 import sqlite3
-import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 import zstandard
 from mcap.records import Header
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import IndexType, Writer
 from rosbags.rosbag2 import Reader as RosbagsReader
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from rosbags.typesys import Stores, get_typestore
+from traced_memory import peak_bytes
 
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag, BagError
@@ -160,15 +160,14 @@ def test_a_range_of_time_includes_its_start_and_excludes_its_end(bag_path):
 
 def test_messages_out_of_order_in_the_file_are_put_in_order(tmp_path):
     samples = imu(2000)
-    shuffled = np.random.default_rng(3).permutation(2000)
+    rows, stamps = wire.IMU.encode(samples, "s"), samples["stamp_ns"].tolist()
     with BagWriter(tmp_path / "bag", chunk_bytes=30_000) as writer:
         channel = writer.topic("/imu/data_raw", IMU)
-        rows = wire.IMU.encode(samples, "s")
-        for k in shuffled.tolist():
-            writer.write(channel, rows[k].tobytes(), int(samples["stamp_ns"][k]))
+        for k in np.random.default_rng(3).permutation(2000).tolist():
+            writer.write(channel, rows[k].tobytes(), stamps[k])
     with Bag(tmp_path / "bag") as bag:
         assert joined(bag, block_messages=100)["/imu/data_raw"].tobytes() == samples.tobytes()
-        assert [row[0] for row in bag.messages()] == samples["stamp_ns"].tolist()
+        assert [row[0] for row in bag.messages()] == stamps
 
 
 def test_a_topic_is_found_in_any_namespace(bag_path):
@@ -191,72 +190,6 @@ def test_two_topics_that_fit_are_both_named(tmp_path):
         bag.find_topic(IMU, "imu/data_raw")
 
 
-def test_frame_names_may_have_any_length_and_change_from_message_to_message(tmp_path):
-    samples = imu(300)
-    frames = ["", "s", "imu_link_of_a_very_long_name_é", "sonde"]
-    with BagWriter(tmp_path / "bag") as writer:
-        channel = writer.topic("/imu/data_raw", IMU)
-        for k in range(300):
-            row = wire.IMU.encode(samples[k : k + 1], frames[k % 4])[0]
-            writer.write(channel, row.tobytes(), int(samples["stamp_ns"][k]))
-    with Bag(tmp_path / "bag") as bag:
-        assert joined(bag)["/imu/data_raw"].tobytes() == samples.tobytes()
-        assert bag.notes == []
-
-
-def test_frame_names_of_different_length_but_equal_message_size_are_read_too(tmp_path):
-    samples = imu(40)
-    with BagWriter(tmp_path / "bag") as writer:
-        channel = writer.topic("/imu/data_raw", IMU)
-        for k in range(40):
-            row = wire.IMU.encode(samples[k : k + 1], "abcd"[: 2 + k % 2])[0]
-            writer.write(channel, row.tobytes(), int(samples["stamp_ns"][k]))
-    with Bag(tmp_path / "bag") as bag:
-        assert joined(bag)["/imu/data_raw"].tobytes() == samples.tobytes()
-
-
-def test_big_endian_messages_are_read_through_rosbags_and_it_says_so(tmp_path):
-    samples = imu(50)
-    with BagWriter(tmp_path / "bag") as writer:
-        channel = writer.topic("/imu/data_raw", IMU)
-        for k, row in enumerate(wire.IMU.encode(samples, "s")):
-            message = STORE.deserialize_cdr(row.tobytes(), IMU)
-            data = STORE.serialize_cdr(message, IMU, little_endian=False)
-            writer.write(channel, bytes(data), int(samples["stamp_ns"][k]))
-    with Bag(tmp_path / "bag") as bag:
-        assert joined(bag)["/imu/data_raw"].tobytes() == samples.tobytes()
-        assert any("rosbags" in note for note in bag.notes)
-        some = joined(bag, fields={IMU: ("angular_velocity",)})["/imu/data_raw"]
-        assert some.dtype.names == ("stamp_ns", "angular_velocity")
-        np.testing.assert_array_equal(some["angular_velocity"], samples["angular_velocity"])
-
-
-def test_a_message_that_is_not_of_its_type_is_left_out_with_a_note(tmp_path):
-    samples = imu(10)
-    with BagWriter(tmp_path / "bag") as writer:
-        channel = writer.topic("/imu/data_raw", IMU)
-        for k, row in enumerate(wire.IMU.encode(samples, "s")):
-            data = row.tobytes() if k != 4 else b"\0\1\0\0junk"
-            writer.write(channel, data, int(samples["stamp_ns"][k]))
-    with Bag(tmp_path / "bag") as bag:
-        assert len(joined(bag)["/imu/data_raw"]) == 9
-        assert any("cannot be decoded" in note for note in bag.notes)
-
-
-@pytest.mark.fault_case(68)
-def test_a_type_without_a_fixed_layout_comes_as_bytes_and_can_be_decoded(tmp_path):
-    message = STORE.types["std_msgs/msg/String"]("pump on")
-    data = bytes(STORE.serialize_cdr(message, "std_msgs/msg/String"))
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.write(writer.topic("/note", "std_msgs/msg/String"), data, START)
-    with Bag(tmp_path / "bag") as bag:
-        (block,) = bag.blocks()
-        assert block["/note"][1] == [data]
-        assert bag.decode("/note", data).data == "pump on"
-        with pytest.raises(BagError, match="is not a std_msgs/msg/String"):
-            bag.decode("/note", b"\0\1\0\0\xff\xff\xff\xffx")
-
-
 def rosbags_bag(path: Path, storage: StoragePlugin, mode: CompressionMode | None = None) -> np.ndarray:
     samples = imu(700)
     writer = RosbagsWriter(path, version=9, storage_plugin=storage)
@@ -277,61 +210,26 @@ def test_bags_of_rosbags_with_either_storage_and_any_compression_are_read(tmp_pa
         assert joined(bag)["/imu/data_raw"].tobytes() == samples.tobytes()
         assert [row[0] for row in bag.messages(start_ns=START + 5_000_000)] == samples["stamp_ns"].tolist()[5:]
         assert any("rosbags" in note for note in bag.notes) == (storage == StoragePlugin.SQLITE3)
+        assert bag.storage == storage.name.lower()
         assert (bag.start_ns, bag.end_ns) == (START, int(samples["stamp_ns"][-1]))
-
-
-def test_a_bare_sqlite_file_is_read(tmp_path):
-    samples = rosbags_bag(tmp_path / "bag", StoragePlugin.SQLITE3)
-    (file,) = (tmp_path / "bag").glob("*.db3")
-    with Bag(file) as bag:
-        assert len(joined(bag)["/imu/data_raw"]) == len(samples)
 
 
 @pytest.mark.parametrize("chunking", [True, False])
 @pytest.mark.parametrize("index", [IndexType.ALL, IndexType.NONE])
 @pytest.mark.parametrize("summary", [True, False])
 def test_files_of_the_mcap_library_with_and_without_chunks_and_indexes_are_read(tmp_path, chunking, index, summary):
-    samples = imu(2500)
+    samples = imu(500)
+    repeated = dict.fromkeys(("repeat_channels", "repeat_schemas", "use_statistics"), summary)
     with (tmp_path / "x.mcap").open("wb") as file:
-        writer = Writer(
-            file,
-            chunk_size=20_000,
-            compression=CompressionType.ZSTD,
-            index_types=index,
-            use_chunking=chunking,
-            repeat_channels=summary,
-            repeat_schemas=summary,
-            use_statistics=summary,
-        )
+        writer = Writer(file, chunk_size=4000, index_types=index, use_chunking=chunking, **repeated)
         writer.start("ros2")
         channel = writer.register_channel("/imu/data_raw", "cdr", writer.register_schema(IMU, "ros2msg", b""))
         for stamp, row in zip(samples["stamp_ns"].tolist(), wire.IMU.encode(samples, "s"), strict=True):
             writer.add_message(channel, stamp, row.tobytes(), stamp)
         writer.finish()
     with Bag(tmp_path / "x.mcap") as bag:
-        assert joined(bag, block_messages=1000)["/imu/data_raw"].tobytes() == samples.tobytes()
-        assert bag.message_count == 2500
-
-
-def test_a_split_bag_is_read_as_one(tmp_path):
-    samples = imu(900)
-    with BagWriter(tmp_path / "bag") as writer:
-        channel = writer.topic("/imu/data_raw", IMU)
-        for k in range(3):
-            part = samples[300 * k : 300 * (k + 1)]
-            writer.write_rows(channel, wire.IMU.encode(part, "s"), part["stamp_ns"])
-            if k < 2:
-                writer.split()
-    with Bag(tmp_path / "bag") as bag:
-        assert joined(bag)["/imu/data_raw"].tobytes() == samples.tobytes()
-        assert [file.name for file in bag.files] == ["bag_0.mcap", "bag_1.mcap", "bag_2.mcap"]
-        assert bag.size_bytes == sum(file.stat().st_size for file in (tmp_path / "bag").glob("*.mcap"))
-        assert bag.storage == "mcap"
-    (tmp_path / "bag" / "bag_1.mcap").unlink()
-    with Bag(tmp_path / "bag") as bag:
-        assert len(joined(bag)["/imu/data_raw"]) == 600
-        assert any("missing: bag_1.mcap" in note for note in bag.notes)
-        assert any("/imu/data_raw has 900 messages there, but 600 in the files" in note for note in bag.notes)
+        assert joined(bag, block_messages=200)["/imu/data_raw"].tobytes() == samples.tobytes()
+        assert bag.message_count == 500
 
 
 def test_a_file_that_was_cut_off_is_read_to_its_last_good_chunk(bag_path, tmp_path):
@@ -379,16 +277,12 @@ def test_a_hostile_length_is_refused_in_bounded_memory(bag_path, tmp_path, at):
     data = bytearray((bag_path / "bag_0.mcap").read_bytes())
     data[at : at + 8] = (2**60).to_bytes(8, "little")
     (tmp_path / "evil.mcap").write_bytes(data)
-    tracemalloc.start()
-    try:
-        with Bag(tmp_path / "evil.mcap") as bag:
+
+    def read() -> None:
+        with contextlib.suppress(BagError), Bag(tmp_path / "evil.mcap") as bag:
             sum(1 for _ in bag.messages())
-    except BagError:
-        pass
-    finally:
-        peak = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-    assert peak < 100e6
+
+    assert peak_bytes(read) < 100e6
 
 
 @pytest.mark.fault_case(66)
@@ -415,15 +309,6 @@ def day(tmp_path_factory) -> Path:
     return path
 
 
-def traced_peak(work) -> int:
-    tracemalloc.start()
-    try:
-        work()
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-
-
 @pytest.mark.slow
 @pytest.mark.fault_case(67)
 def test_the_memory_for_a_day_is_that_for_an_hour(day):
@@ -438,7 +323,7 @@ def test_the_memory_for_a_day_is_that_for_an_hour(day):
 
     # What is loaded once for all bags does not count.
     read(1)
-    peaks = [traced_peak(lambda hours=hours: read(hours)) for hours in (1, 24)]
+    peaks = [peak_bytes(lambda hours=hours: read(hours)) for hours in (1, 24)]
     assert peaks[1] < 1.3 * peaks[0] < 10e6
 
 
@@ -462,30 +347,12 @@ def test_a_minute_anywhere_in_a_day_is_found_without_reading_the_day(day, monkey
     assert sum(read) < 0.03 * size
 
 
-def test_attachments_and_tables_inside_the_bag_are_found(tmp_path):
-    with BagWriter(tmp_path / "bag", custom={"well": "F-4"}) as writer:
-        writer.write(writer.topic("/imu/data_raw", IMU), b"\0\1\0\0", START)
-        writer.attach("scenario.yaml", "application/yaml", b"a: 1", START)
-        writer.add_metadata("versions", {"mwd_surface": "0.1.0"})
-    with Bag(tmp_path / "bag") as bag:
-        assert [(item.name, item.data) for item in bag.attachments()] == [("scenario.yaml", b"a: 1")]
-        assert bag.metadata()["versions"] == {"mwd_surface": "0.1.0"}
-        assert bag.custom == {"well": "F-4"}
-
-
 @pytest.mark.fault_case(66)
 @pytest.mark.parametrize("time", ["'noon'", "1e300", "x'00ff'", "-5"])
-def test_a_time_in_sqlite_that_is_none_ends_the_reading_with_a_sentence(tmp_path, time):
-    samples = wire.IMU.empty(20)
-    samples["stamp_ns"] = 10**18 + np.arange(20) * 10**7
-    path = tmp_path / "bag"
-    with RosbagsWriter(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
-        topic = writer.add_connection("/imu/data_raw", wire.IMU.type_name, typestore=get_typestore(Stores.ROS2_JAZZY))
-        for row, stamp in zip(wire.IMU.encode(samples, "a"), samples["stamp_ns"], strict=True):
-            writer.write(topic, int(stamp), row.tobytes())
-    with contextlib.closing(sqlite3.connect(next(path.glob("*.db3")))) as table, table:
+def test_a_time_in_sqlite_that_is_none_ends_the_reading_with_a_note(tmp_path, time):
+    samples = rosbags_bag(tmp_path / "bag", StoragePlugin.SQLITE3)
+    with contextlib.closing(sqlite3.connect(next((tmp_path / "bag").glob("*.db3")))) as table, table:
         table.execute(f"UPDATE messages SET timestamp={time} WHERE id=15")  # noqa: S608
-    with Bag(path) as bag:
-        read = sum(len(block["/imu/data_raw"][0]) for block in bag.blocks(["/imu/data_raw"]))
-        assert read < 20
-        assert any("not a time in ns since 1970" in note for note in bag.notes), bag.notes
+    with Bag(tmp_path / "bag") as bag:
+        assert sum(len(block["/imu/data_raw"][0]) for block in bag.blocks()) < len(samples)
+        assert any("not a time in ns" in note for note in bag.notes), bag.notes

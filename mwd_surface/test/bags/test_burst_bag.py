@@ -60,13 +60,3 @@ def test_the_estimate_of_a_bag_takes_bursts_where_there_are_no_single_messages(b
         assert (topics.imu, topics.mag, topics.precision) == ("/w/imu/burst", "/w/imu/mag", "/w/gyro/burst")
     with Bag(folder / "single") as bag:
         assert find_topics(bag, InputSettings()).imu == "/w/imu/data_raw"
-
-
-def test_a_burst_that_cannot_be_read_is_left_out_and_reported(tmp_path):
-    with BagWriter(tmp_path / "bag") as bag:
-        channel = bag.topic("/w/imu/burst", burst.TYPE_NAME, STREAM)
-        bag.write(channel, burst.encode(samples(5), "sonde_link"), START)
-        bag.write(channel, burst.encode(samples(5), "sonde_link")[:-9], START + 1)
-    with Bag(tmp_path / "bag") as bag:
-        assert len(np.concatenate([block["/w/imu/burst"][1] for block in bag.blocks(["/w/imu/burst"])])) == 5
-        assert any("left out" in note for note in bag.notes)

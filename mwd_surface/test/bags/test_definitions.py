@@ -80,27 +80,24 @@ def test_a_schema_text_read_from_a_bag_makes_its_types_known(definitions):
     other.learn(given.type_name, given.text)
 
 
-def test_a_broken_schema_text_is_refused_by_name():
-    with pytest.raises(DefinitionError, match="a_msgs/msg/A"):
-        Definitions([]).learn("a_msgs/msg/A", "float64[ broken")
+@pytest.mark.parametrize(("text", "named"), [("float64[ broken", "a_msgs/msg/A"), ("b_msgs/B field", "b_msgs/msg/B")])
+def test_a_schema_text_that_is_broken_or_lacks_a_type_is_refused_by_name(text, named):
+    with pytest.raises(DefinitionError, match=named):
+        Definitions([]).learn("a_msgs/msg/A", text)
 
 
-def test_a_schema_text_that_lacks_a_type_it_uses_is_refused():
-    with pytest.raises(DefinitionError, match="does not define b_msgs/msg/B"):
-        Definitions([]).learn("a_msgs/msg/A", "b_msgs/B field")
-
-
-def test_without_mwd_msgs_the_error_says_how_to_install_it(tmp_path):
-    with pytest.raises(DefinitionError, match=r"mwd_msgs is not installed.*make run.*looked in"):
-        Definitions([tmp_path]).definition("mwd_msgs/msg/Survey")
-
-
-def test_an_unknown_message_of_an_installed_package_is_distinguished_from_a_missing_package(tmp_path):
+@pytest.mark.parametrize(
+    ("type_name", "words"),
+    [
+        ("mwd_msgs/msg/Survey", r"make run.*looked in"),
+        ("rig_msgs/msg/Pump", "has no such message"),
+        ("pump_msgs/msg/Pump", "install the ROS package pump_msgs"),
+    ],
+)
+def test_a_missing_message_is_distinguished_from_a_missing_package_with_its_remedy(tmp_path, type_name, words):
     (tmp_path / "rig_msgs" / "msg").mkdir(parents=True)
-    with pytest.raises(DefinitionError, match="has no such message"):
-        Definitions([tmp_path]).definition("rig_msgs/msg/Pump")
-    with pytest.raises(DefinitionError, match="install the ROS package pump_msgs"):
-        Definitions([tmp_path]).definition("pump_msgs/msg/Pump")
+    with pytest.raises(DefinitionError, match=words):
+        Definitions([tmp_path]).definition(type_name)
 
 
 def test_a_foreign_package_found_on_this_machine_needs_no_further_setting(tmp_path):

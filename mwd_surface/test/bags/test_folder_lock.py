@@ -8,15 +8,7 @@ import sys
 import pytest
 
 from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
-
-OWNER = """
-import sys
-from pathlib import Path
-from mwd_surface.bags.folder_lock import FolderLock
-lock = FolderLock(Path(sys.argv[1]), ".lock")
-print("mine", flush=True)
-sys.stdin.read()
-"""
+from project import ROOT
 
 
 def test_a_second_owner_is_refused_with_the_name_of_the_first(tmp_path):
@@ -28,7 +20,7 @@ def test_a_second_owner_is_refused_with_the_name_of_the_first(tmp_path):
 
 
 def test_a_killed_owner_leaves_the_folder_free(tmp_path):
-    words = [sys.executable, "-c", OWNER, str(tmp_path)]
+    words = [sys.executable, ROOT / "mwd_surface" / "test" / "programs" / "own_folder.py", tmp_path]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as owner:
         assert owner.stdout.readline() == b"mine\n"
         with pytest.raises(FolderTakenError) as refused:

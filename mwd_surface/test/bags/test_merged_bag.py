@@ -65,33 +65,36 @@ def _merge(source: Path, target: Path, attitude: np.ndarray, name: str = "/w1/at
     return name
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A recording, and its copy with an attitude at 100 Hz."""
+    path = tmp_path_factory.mktemp("bags")
+    _source(path / "bag")
+    _merge(path / "bag", path / "merged", _attitude(300, 10_000_000))
+    return path
+
+
 def _messages(path: Path) -> list[tuple[int, str, str, bytes]]:
     with Bag(path) as bag:
         assert bag.complete
         return list(bag.messages())
 
 
-@pytest.mark.slow
-def test_originals_keep_their_bytes_and_the_new_lie_between_them_by_time(tmp_path):
-    _source(tmp_path / "bag")
-    attitude = _attitude(300, 10_000_000)
-    _merge(tmp_path / "bag", tmp_path / "merged", attitude)
-    merged, originals = _messages(tmp_path / "merged"), _messages(tmp_path / "bag")
+def test_originals_keep_their_bytes_and_the_new_lie_between_them_by_time(folder):
+    merged, originals = _messages(folder / "merged"), _messages(folder / "bag")
     assert [m for m in merged if m[1] != "/w1/attitude"] == originals
     assert [m[0] for m in merged] == sorted(m[0] for m in merged)
-    new = [m for m in merged if m[1] == "/w1/attitude"]
-    assert b"".join(m[3] for m in new) == wire.ATTITUDE.encode(attitude, "sonde_link").tobytes()
-    with Bag(tmp_path / "merged") as bag:
+    new = b"".join(m[3] for m in merged if m[1] == "/w1/attitude")
+    assert new == wire.ATTITUDE.encode(_attitude(300, 10_000_000), "sonde_link").tobytes()
+    with Bag(folder / "merged") as bag:
         assert bag.custom == {"well": "w1"}
         assert bag.attachments()[0].data == b"as drilled"
         assert bag.metadata()["versions"] == {"sonde": "7"}
         assert bag.topics["/note"].count == 3
 
 
-def test_the_file_itself_is_in_order_of_time_with_indexes_times_and_sequences_as_they_were(tmp_path):
-    _source(tmp_path / "bag")
-    _merge(tmp_path / "bag", tmp_path / "merged", _attitude(300, 10_000_000))
-    (file,) = (tmp_path / "merged").glob("*.mcap")
+def test_the_file_itself_is_in_order_of_time_with_indexes_times_and_sequences_as_they_were(folder):
+    (file,) = (folder / "merged").glob("*.mcap")
     assert check(file).sound
     with file.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
@@ -104,16 +107,14 @@ def test_the_file_itself_is_in_order_of_time_with_indexes_times_and_sequences_as
     assert [m.sequence for m in imu] == list(range(1, 3001))
     attitude = [m for _, channel, m in found if channel.topic == "/w1/attitude"]
     assert [m.sequence for m in attitude] == list(range(1, 301))
-    with AnyReader([tmp_path / "merged"]) as reader:
+    with AnyReader([folder / "merged"]) as reader:
         connection = next(c for c in reader.connections if c.topic == "/w1/attitude")
         message = next(reader.deserialize(data, c.msgtype) for c, _, data in reader.messages([connection]))
         assert message.header.frame_id == "sonde_link"
 
 
-def test_a_topic_that_is_there_already_is_not_mixed_with_the_new_one(tmp_path):
-    _source(tmp_path / "bag")
-    _merge(tmp_path / "bag", tmp_path / "live", _attitude(300, 10_000_000))
-    again = _merge(tmp_path / "live", tmp_path / "again", _attitude(30, 100_000_000))
+def test_a_topic_that_is_there_already_is_not_mixed_with_the_new_one(folder, tmp_path):
+    again = _merge(folder / "merged", tmp_path / "again", _attitude(30, 100_000_000))
     assert again == "/w1/processed/attitude"
     with Bag(tmp_path / "again") as bag:
         assert (bag.topics["/w1/attitude"].count, bag.topics[again].count) == (300, 30)
@@ -133,16 +134,10 @@ def test_recordings_of_others_are_merged_too(tmp_path, storage):
     assert len(merged) == 110
 
 
-def test_a_copy_that_fails_leaves_nothing(tmp_path):
-    _source(tmp_path / "bag")
-
-    def fail():
-        with Bag(tmp_path / "bag") as bag, merged_bag(tmp_path / "merged", bag):
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        fail()
-    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+def test_a_copy_that_fails_leaves_nothing(folder, tmp_path):
+    with Bag(folder / "bag") as bag, pytest.raises(KeyboardInterrupt), merged_bag(tmp_path / "merged", bag):
+        raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_messages_of_another_definition_are_named_unreadable_and_copied_as_they_are(tmp_path):

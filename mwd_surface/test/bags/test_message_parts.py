@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.core import wire
-from mwd_surface.bags.message_parts import NEVER, Decoded, blocks_of, merged, one_array, part_of, rows_at
+from mwd_surface.bags.message_parts import NEVER, Decoded, blocks_of, one_array, part_of, rows_at
 
 LOGGED = st.lists(st.integers(0, 30), min_size=1, max_size=40)
 
@@ -78,13 +78,6 @@ def test_messages_without_a_layout_are_joined_and_ordered_as_well():
     (block,) = blocks_of({"a": [late, early]}, NEVER)
     assert block["a"][0].tolist() == [1, 2, 3, 4]
     assert block["a"][1] == [b"1", b"2", b"3", b"4"]
-
-
-def test_samples_are_joined_byte_for_byte():
-    one, two = samples(np.array([1, 2])), samples(np.array([3]))
-    assert one_array([one, two]).tobytes() == one.tobytes() + two.tobytes()
-    log_ns, both = merged([(np.array([3]), two), (np.array([1, 2]), one)])
-    assert log_ns.tolist() == both["stamp_ns"].tolist() == [1, 2, 3]
 
 
 @pytest.mark.parametrize(

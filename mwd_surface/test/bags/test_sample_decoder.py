@@ -67,26 +67,28 @@ def test_messages_of_one_size_come_back_to_the_bit(bench):
     assert not bench.given
 
 
-def test_messages_of_several_sizes_keep_their_order(bench):
-    frames = ["", "s", "a_very_long_name", "sonde"]
-    messages = [encoded(imu(40)[k : k + 1], frames[k % 4])[0] for k in range(40)]
+@pytest.mark.parametrize("frames", [["", "s", "imu_link_of_a_very_long_name_é"], ["ab", "abc"]])
+def test_messages_with_frame_names_of_any_length_keep_their_order(bench, frames):
+    """Names of two and three letters make messages of the same size."""
+    messages = [encoded(imu(40)[k : k + 1], frames[k % len(frames)])[0] for k in range(40)]
     ((_, log_ns, samples),) = bench.samples(messages)
     assert samples.tobytes() == imu(40).tobytes()
     assert (np.diff(log_ns) > 0).all()
+    assert not bench.given
 
 
-def test_only_the_fields_asked_for_are_read_whatever_the_way(bench):
-    big = [
-        bytes(STORE.serialize_cdr(STORE.deserialize_cdr(data, IMU), IMU, little_endian=False))
-        for data in encoded(imu(5))
-    ]
-    for messages in (encoded(imu(5)), big):
-        ((_, _, samples),) = bench.samples(messages, fields={IMU: ("angular_velocity",)})
-        assert samples.dtype.names == ("stamp_ns", "angular_velocity")
-        assert (samples["angular_velocity"] == imu(5)["angular_velocity"]).all()
+@pytest.mark.parametrize("little_endian", [True, False])
+@pytest.mark.parametrize("fields", [wire.IMU.dtype.names, ("stamp_ns", "angular_velocity")])
+def test_all_fields_or_those_asked_for_are_read_in_either_byte_order(bench, fields, little_endian):
+    sent = (STORE.deserialize_cdr(data, IMU) for data in encoded(imu(5)))
+    messages = [bytes(STORE.serialize_cdr(one, IMU, little_endian=little_endian)) for one in sent]
+    asked = {} if fields == wire.IMU.dtype.names else {IMU: fields[1:]}
+    ((_, _, samples),) = bench.samples(messages, fields=asked)
+    assert samples.dtype.names == fields
+    assert all(np.array_equal(samples[name], imu(5)[name]) for name in fields)
     # Reported each time; the bag keeps one note of a kind.
-    assert bench.given
-    assert all("read by the library rosbags" in text for text in bench.given)
+    assert all("rosbags" in text for text in bench.given)
+    assert bool(bench.given) != little_endian
 
 
 def test_topics_that_are_not_wanted_are_passed_over(bench):
@@ -99,8 +101,7 @@ def test_a_message_that_is_not_of_its_type_is_reported_and_left_out(bench):
     ((_, log_ns, samples),) = bench.samples(messages)
     assert len(samples) == 9
     assert START + 4 not in log_ns
-    assert sum("left out" in text for text in bench.given) == 1
-    assert any("/imu: a message cannot be decoded and is left out" in text for text in bench.given)
+    assert [text.split(":")[0] for text in bench.given if "left out" in text] == ["/imu"]
 
 
 def test_a_burst_gives_its_samples_at_the_time_of_the_burst(bench):
@@ -114,22 +115,17 @@ def test_a_burst_gives_its_samples_at_the_time_of_the_burst(bench):
     assert sum("left out" in text for text in bench.given) == 1
 
 
-def test_a_type_without_a_layout_stays_bytes(bench):
+@pytest.mark.fault_case(68)
+def test_a_type_without_a_layout_stays_bytes_and_is_decoded_where_its_definition_is_known(bench):
     data = bytes(STORE.serialize_cdr(STORE.types["std_msgs/msg/String"]("pump on"), "std_msgs/msg/String"))
     ((_, _, samples),) = bench.samples([data], channel=NOTE)
     assert samples == [data]
     assert bench.decoder.decode("/note", data).data == "pump on"
-
-
-def test_a_type_is_known_from_the_bag_alone(bench):
-    data = b"\0\1\0\0" + np.float64(1234.5).tobytes()
-    assert bench.decoder.decode("/own", data).depth == 1234.5
-
-
-def test_bytes_that_lie_and_types_that_nobody_knows_are_refused_in_a_sentence(bench):
+    # This definition comes from the recording.
+    assert bench.decoder.decode("/own", b"\0\1\0\0" + np.float64(1234.5).tobytes()).depth == 1234.5
     with pytest.raises(BagError, match="is not a std_msgs/msg/String"):
         bench.decoder.decode("/note", b"\0\1\0\0\xff\xff\xff\xffx")
-    with pytest.raises(BagError, match=r"/lost cannot be decoded: .*nobody_msgs/msg/Lost"):
+    with pytest.raises(BagError, match="/lost cannot be decoded"):
         bench.decoder.decode("/lost", b"\0\1\0\0")
 
 

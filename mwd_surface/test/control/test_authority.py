@@ -68,7 +68,8 @@ def test_nobody_but_the_sender_of_its_request_uses_a_lease_or_the_name(other):
     turn = SetPoint(Mode.ROTATE, lease, 1, rotary_speed=5.0)
     for point in (turn, SetPoint(Mode.HOLD, lease, 0), SetPoint(Mode.RELEASE, lease, 9)):
         taken, why = command(authority, point, 0.1, **other)
-        assert (taken, why) == (False, f"lease {lease} belongs to controller; only controller can command under it")
+        assert not taken
+        assert "belongs to controller" in why
     thief = Sender(other.get("interface", "graph"), other.get("name", "controller"))
     assert not authority.release(lease, 0.1, thief)[0]
     for priority in (0, 255):
@@ -125,14 +126,20 @@ def test_a_renewal_prolongs_what_was_granted_and_gives_nothing_more(settings, mo
     assert (after.limits, after.priority, after.remaining) == (before.limits, 1, 20.0)
 
 
-def test_a_renewal_never_shortens_a_lease_and_never_revives_one():
+def test_a_lease_ends_after_its_time_which_a_renewal_prolongs_but_never_shortens_and_never_revives():
     authority, lease = owned(duration=1.0)
     assert authority.request(asks("controller", duration=0.5), 0.1).permission == Permission.GRANTED
     assert authority.status(0.1).remaining == pytest.approx(0.9)
+    assert authority.request(asks("controller", duration=1.0), 0.9).lease == lease
+    authority.update(1.8)
+    assert authority.status(1.8).lease == lease
     # Nothing has let the time pass meanwhile; the lease is over all the same.
-    again = authority.request(asks("controller", duration=1.0), 1.1)
+    again = authority.request(asks("controller", duration=1.0), 2.0)
     assert again.lease > lease
-    assert not command(authority, SetPoint(Mode.HOLD, lease, 1), 1.2)[0]
+    assert not command(authority, SetPoint(Mode.HOLD, lease, 1), 2.1)[0]
+    authority.update(3.0)
+    assert authority.status(3.0).state == ControlState.IDLE
+    assert "is over" in authority.status(3.0).reason
 
 
 @pytest.mark.parametrize("step", [-3600.0, 3600.0])
@@ -145,12 +152,6 @@ def test_a_clock_that_jumps_ends_a_lease_before_anything_is_obeyed(step):
     assert [point.mode for point in authority.update(1.1 + step)] == [Mode.RELEASE]
 
 
-def test_control_that_is_switched_off_is_denied_with_the_remedy():
-    decision = ControlAuthority(ControlSettings()).request(asks("controller"), 0.0)
-    assert decision.permission == Permission.DENIED
-    assert "control.enabled" in decision.message
-
-
 @pytest.mark.parametrize(
     ("request_", "words"),
     [
@@ -160,10 +161,12 @@ def test_control_that_is_switched_off_is_denied_with_the_remedy():
         (asks("x", priority=256), "priority: must be within"),
         (asks("x", duration=math.nan), "duration: must be finite"),
         (asks("x", limits=LeaseLimits(speed=-1.0)), "speed_limit: must be finite"),
+        (asks("where control is switched off"), "control.enabled"),
     ],
 )
 def test_a_request_that_cannot_be_is_denied_by_name(request_, words):
-    decision = ControlAuthority(AUTOMATIC).request(request_, 0.0)
+    settings = ControlSettings() if words == "control.enabled" else AUTOMATIC
+    decision = ControlAuthority(settings).request(request_, 0.0)
     assert (decision.permission, decision.lease) == (Permission.DENIED, 0)
     assert words in decision.message
 
@@ -226,16 +229,6 @@ def test_a_request_that_waits_gets_the_lease_when_the_owner_leaves():
     assert (authority.status(1.6).owner, authority.status(1.6).lease) == ("second", waits.lease)
 
 
-def test_a_lease_ends_after_its_time_unless_it_is_renewed():
-    authority, lease = owned(duration=1.0)
-    assert authority.request(asks("controller", duration=1.0), 0.9).lease == lease
-    authority.update(1.8)
-    assert authority.status(1.8).lease == lease
-    authority.update(1.9)
-    assert authority.status(1.9).state == ControlState.IDLE
-    assert "is over" in authority.status(1.9).reason
-
-
 # Set-points.
 
 
@@ -265,13 +258,13 @@ def test_the_rig_hears_a_turn_once_while_heartbeats_keep_it_valid():
     authority, lease = owned()
     command(authority, SetPoint(Mode.ORIENT, lease, 1, turn=0.5, valid_for=1.0), 0.0)
     heard = []
-    for k in range(1, 31):
+    for k in range(1, 101):
         command(authority, SetPoint(Mode.HOLD, lease, 0), k * 0.1)
         heard += authority.update(k * 0.1)
     assert len(heard) > 4
     assert {(point.mode, point.sequence) for point in heard} == {(Mode.ORIENT, heard[0].sequence)}
-    command(authority, SetPoint(Mode.ORIENT, lease, 2, turn=0.5), 3.0)
-    assert authority.update(3.1)[0].sequence > heard[-1].sequence
+    command(authority, SetPoint(Mode.ORIENT, lease, 2, turn=0.5), 10.0)
+    assert authority.update(10.1)[0].sequence > heard[-1].sequence
 
 
 @pytest.mark.parametrize("sequence", [1, 4, 5])
@@ -283,10 +276,8 @@ def test_a_repeated_or_older_number_is_refused_and_never_sent_to_the_rig(mode, s
     passes(authority, 0.0, 1.0)
     before = authority.status(1.0)
     taken, why = command(authority, dataclasses.replace(point, sequence=sequence), 1.0)
-    assert (taken, why) == (
-        False,
-        f"sequence: {sequence} is not above 5, the last that was accepted; number 0 is a heartbeat",
-    )
+    assert not taken
+    assert "is not above 5" in why
     # It does not keep anything valid either.
     assert dataclasses.replace(authority.status(1.0), refusal="") == before
     sent = passes(authority, 1.0, 1.8)
@@ -294,14 +285,10 @@ def test_a_repeated_or_older_number_is_refused_and_never_sent_to_the_rig(mode, s
     assert not any(at > 1.5 and point.mode == mode != Mode.HOLD for at, point in sent)
 
 
-@pytest.mark.parametrize("sequence", [-1, 2**32, 2**64])
-def test_a_number_that_no_message_can_have_is_refused(sequence):
+def test_numbers_that_no_message_can_have_are_refused_and_after_the_largest_a_lease_is_given_back():
     authority, lease = owned()
-    assert not command(authority, SetPoint(Mode.HOLD, lease, sequence), 0.1)[0]
-
-
-def test_after_the_largest_number_a_lease_is_given_back():
-    authority, lease = owned()
+    for sequence in (-1, 2**32, 2**64):
+        assert not command(authority, SetPoint(Mode.HOLD, lease, sequence), 0.1)[0]
     assert command(authority, SetPoint(Mode.HOLD, lease, 2**32 - 1), 0.1)[0]
     assert not command(authority, SetPoint(Mode.HOLD, lease, 1), 0.2)[0]
     assert release(authority, lease, 0.3)[0]
@@ -326,12 +313,22 @@ def test_nobody_turns_left_who_has_not_asked_for_it_by_number(mode):
         assert any(min(point.rotary_speed, point.turn) < 0.0 for _, point in sent) == may
 
 
-def test_a_string_that_the_driller_turns_left_is_not_taken_over_on_a_ramp_to_the_left():
-    authority, lease = owned()
-    authority.on_rig(Achieved(speed=-6.0), 0.0)
-    command(authority, SetPoint(Mode.ROTATE, lease, 1, rotary_speed=1.0), 0.0)
-    assert min(point.rotary_speed for _, point in passes(authority, 0.0, 1.0)) >= 0.0
-    assert authority.status(0.1).achieved.speed == -6.0
+@pytest.mark.parametrize(
+    ("driller", "first"),
+    [
+        (6.0, 5.9),
+        # A string that turns left is not taken over on a ramp to the left.
+        (-6.0, 0.1),
+    ],
+)
+def test_the_ramp_begins_at_the_speed_the_driller_had_and_never_on_the_left(driller, first):
+    authority, lease = owned(limits=LeaseLimits(speed_rate=1.0))
+    authority.on_rig(Achieved(speed=driller), 0.0)
+    command(authority, SetPoint(Mode.ROTATE, lease, 1, rotary_speed=4.0), 0.0)
+    sent = [point.rotary_speed for _, point in passes(authority, 0.0, 1.0)]
+    assert sent[0] == pytest.approx(first)
+    assert min(sent) >= 0.0
+    assert authority.status(0.1).achieved.speed == driller
 
 
 def test_a_speed_is_reached_on_its_ramp_and_acknowledged():
@@ -358,13 +355,6 @@ def test_a_surface_that_stood_still_goes_on_with_the_ramp_and_does_not_jump(stal
     command(authority, SetPoint(Mode.ROTATE, lease, 1, rotary_speed=9.0, valid_for=2e9), 2.0 + stall)
     for point in authority.update(2.0 + stall):
         assert point.rotary_speed <= before + 0.2 + 1e-9
-
-
-def test_the_ramp_begins_at_the_speed_the_driller_had():
-    authority, lease = owned(limits=LeaseLimits(speed_rate=1.0))
-    authority.on_rig(Achieved(speed=6.0), 0.0)
-    command(authority, SetPoint(Mode.ROTATE, lease, 1, rotary_speed=4.0), 0.0)
-    assert authority.update(0.1)[0].rotary_speed == pytest.approx(5.9)
 
 
 def test_a_set_point_lapses_and_the_lease_stays():
@@ -406,24 +396,29 @@ def test_a_lease_that_is_renewed_in_a_turn_makes_the_turn_once():
 # Faults.
 
 
+def moving(how, settings):
+    """An authority whose owner slides or rotates, its lease and the mode of the set-point."""
+    authority, lease = owned(settings)
+    mode, values = (Mode.ROTATE, {"rotary_speed": 2.0}) if how == "rotating" else (Mode.ORIENT, {"turn": 1.0})
+    command(authority, SetPoint(mode, lease, 1, valid_for=60.0, **values), 0.0)
+    return authority, lease, mode
+
+
 @pytest.mark.parametrize("reaction", REACTIONS)
 @pytest.mark.parametrize("how", ["sliding", "rotating"])
 def test_a_dead_controller_ends_in_the_declared_reaction(how, reaction):
     settings = dataclasses.replace(AUTOMATIC, **{f"controller_lost_{how}": reaction})
-    authority, lease = owned(settings)
-    mode = Mode.ROTATE if how == "rotating" else Mode.ORIENT
-    values = {"rotary_speed": 2.0} if how == "rotating" else {"turn": 1.0}
-    command(authority, SetPoint(mode, lease, 1, valid_for=60.0, **values), 0.0)
-    sent = passes(authority, 0.0, settings.heartbeat_s + 3.0)
-    status = authority.status(settings.heartbeat_s + 3.0)
+    authority, _, mode = moving(how, settings)
+    end = settings.heartbeat_s + 3.0
+    at, point = passes(authority, 0.0, end)[-1]
+    status = authority.status(end)
     assert status.lease == 0
     assert "controller is silent" in status.reason
+    assert point.mode == {"release": Mode.RELEASE, "hold": Mode.HOLD, "keep": mode}[reaction]
     if reaction == "release":
-        assert sent[-1][1].mode == Mode.RELEASE
         assert status.state == ControlState.IDLE
     else:
-        assert sent[-1][1].mode == (Mode.HOLD if reaction == "hold" else mode)
-        assert sent[-1][0] > settings.heartbeat_s + 3.0 - RIG_TIMEOUT
+        assert at > end - RIG_TIMEOUT
         assert status.state == ControlState.FAULT
         assert authority.judge(ControlJudgement.ABORT, "driller", 6.0)[0]
         assert authority.update(6.1)[0].mode == Mode.RELEASE
@@ -469,21 +464,10 @@ def test_abort_gives_the_rig_to_the_driller_in_every_state_and_nobody_follows_by
     assert (status.state, status.mode, status.owner, status.pending) == (ControlState.IDLE, Mode.RELEASE, "", 0)
 
 
-def test_a_heartbeat_alone_keeps_the_lease():
-    authority, lease = owned()
-    for k in range(100):
-        command(authority, SetPoint(Mode.HOLD, lease, 0), k * 0.5)
-        authority.update(k * 0.5)
-    assert authority.status(49.5).lease == lease
-
-
 @pytest.mark.parametrize("reaction", REACTIONS)
 @pytest.mark.parametrize("how", ["sliding", "rotating"])
 def test_a_dead_mwd_ends_in_the_declared_reaction_and_the_owner_stays(how, reaction):
-    settings = dataclasses.replace(AUTOMATIC, **{f"mwd_lost_{how}": reaction})
-    authority, lease = owned(settings)
-    mode = Mode.ROTATE if how == "rotating" else Mode.ORIENT
-    command(authority, SetPoint(mode, lease, 1, valid_for=60.0), 0.0)
+    authority, lease, mode = moving(how, dataclasses.replace(AUTOMATIC, **{f"mwd_lost_{how}": reaction}))
     authority.on_mwd(alive=False)
     status = authority.status(0.1)
     expected = {"keep": mode, "hold": Mode.HOLD, "release": Mode.RELEASE}[reaction]

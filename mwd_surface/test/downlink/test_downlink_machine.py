@@ -59,16 +59,18 @@ class Rig:
             self.machine.update(self.now, seen._replace(**changes))
         return self.machine.state
 
+    def send(self):
+        """Play a command until the tool's answer is waited for."""
+        duration_s = self.machine.downlink.symbol_s + self.machine.programme.duration_s
+        assert self.play(2.0 + duration_s) == DownlinkState.SENT
+        return self
+
     def start(self):
         machine = self.machine
         machine.draft("pulse_width", 0.5, "Ann", self.now)
         machine.submit("Ann", self.now)
         machine.decide(True, "Bo", self.now, machine.number)
         return self
-
-
-def path(machine):
-    return [one.after for one in machine.transitions]
 
 
 def test_a_downlink_runs_from_draft_to_the_tool_s_answer():
@@ -87,15 +89,8 @@ def test_a_downlink_runs_from_draft_to_the_tool_s_answer():
     machine.on_echo(machine.request.frame.echo, rig.now)
     assert machine.state == DownlinkState.CONFIRMED
     assert machine.in_force.pulse_width == 1
-    assert path(machine) == [
-        DownlinkState.DRAFT,
-        DownlinkState.PENDING,
-        DownlinkState.GRANTED,
-        DownlinkState.ARMED,
-        DownlinkState.RUNNING,
-        DownlinkState.SENT,
-        DownlinkState.CONFIRMED,
-    ]
+    way = ["DRAFT", "PENDING", "GRANTED", "ARMED", "RUNNING", "SENT", "CONFIRMED"]
+    assert [one.after for one in machine.transitions] == [DownlinkState[name] for name in way]
     assert [one.by for one in machine.transitions[:3]] == ["Ann", "Ann", "Bo"]
 
 
@@ -106,18 +101,15 @@ def test_a_surface_that_dies_while_it_sends_gives_the_next_command_another_numbe
     rig.play(1.0 + machine.downlink.symbol_s + share * machine.programme.duration_s)
     assert machine.state == DownlinkState.RUNNING
     # What was kept at the last transition is what a surface that starts again reads.
-    again = Rig(Kept.of(machine).machine(TOOL, SETTINGS)).start()
-    again.play(2.0 + again.machine.downlink.symbol_s + again.machine.programme.duration_s)
-    assert again.machine.state == DownlinkState.SENT
+    again = Rig(Kept.of(machine).machine(TOOL, SETTINGS)).start().send()
     assert again.machine.request.frame.counter != machine.request.frame.counter
     again.machine.on_echo(machine.request.frame.echo, again.now)
     assert again.machine.state == DownlinkState.SENT
 
 
 def test_without_an_answer_it_ends_unconfirmed_and_a_late_answer_still_counts():
-    rig = Rig(Machine(TOOL, SETTINGS)).start()
+    rig = Rig(Machine(TOOL, SETTINGS)).start().send()
     machine = rig.machine
-    rig.play(2.0 + machine.downlink.symbol_s + machine.programme.duration_s)
     assert rig.play(machine.answer_s + 1.0) == DownlinkState.UNCONFIRMED
     assert "did not answer" in machine.reason
     assert machine.in_force.pulse_width == -1
@@ -127,8 +119,7 @@ def test_without_an_answer_it_ends_unconfirmed_and_a_late_answer_still_counts():
 
 def test_a_tool_without_an_echo_word_is_told_so():
     mute = dataclasses.replace(TOOL, survey_sequences=("Inc:12:P",))
-    rig = Rig(Machine(mute, SETTINGS)).start()
-    rig.play(2.0 + rig.machine.downlink.symbol_s + rig.machine.programme.duration_s)
+    rig = Rig(Machine(mute, SETTINGS)).start().send()
     rig.play(rig.machine.answer_s + 1.0)
     assert "add DLnk" in rig.machine.reason
 
@@ -355,12 +346,9 @@ def test_every_state_can_be_left_and_only_the_ends_begin_anew():
 
 
 def sent(machine, now=100.0):
-    """Play a command until the tool's answer is waited for."""
     rig = Rig(machine)
     rig.now = now
-    rig.start()
-    assert rig.play(2.0 + machine.downlink.symbol_s + machine.programme.duration_s) == DownlinkState.SENT
-    return rig
+    return rig.start().send()
 
 
 def test_the_eighth_attempt_is_not_confirmed_by_the_answer_to_the_first():
@@ -386,8 +374,7 @@ def test_after_a_lost_memory_the_echo_in_force_confirms_nothing(heard_before):
     machine.echo.heard = before if heard_before else None
     rig = Rig.__new__(Rig)
     rig.machine, rig.readings, rig.now, rig.asked = machine, DRILLING, 100.0, []
-    rig.start()
-    assert rig.play(2.0 + machine.downlink.symbol_s + machine.programme.duration_s) == DownlinkState.SENT
+    rig.start().send()
     machine.on_echo(before, rig.now)
     assert machine.state == (DownlinkState.SENT if heard_before else DownlinkState.UNCONFIRMED)
     if not heard_before:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Coordinates that rest on an assumption look so in every export, on the page and to the rig; given ones do not."""
 
-import csv
 import dataclasses
+import functools
 import io
 import math
 import re
@@ -12,6 +12,7 @@ import ezdxf
 import lasio
 import openpyxl
 import pytest
+from csv_rows import rows_of
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
@@ -45,10 +46,8 @@ POSITIONS = {"survey_vertical_depth", "survey_north", "survey_east", "survey_ver
 
 
 def csv_flag(data):
-    lines = data.decode().splitlines()
-    body = [line for line in lines if not line.startswith("#")]
-    cells = {row["coordinates"] for row in csv.DictReader(body)}
-    head = any(line.startswith("# Coordinates: assumed") for line in lines)
+    cells = {row["coordinates"] for row in rows_of(data)}
+    head = b"\n# Coordinates: assumed" in data
     assert cells == ({"assumed"} if head else {""})
     return head
 
@@ -98,11 +97,30 @@ FLAGS = {
 }
 
 
+def rows_flag(data):
+    """Flag of a table without a head."""
+    cells = {row["coordinates"] for row in rows_of(data)}
+    assert cells in ({"assumed"}, {""})
+    return cells == {"assumed"}
+
+
+@functools.cache
+def exported(kind, tie_on):
+    table = example.table(tie_on=tie_on)
+    if kind == "path":
+        return path_csv(table).encode()
+    if kind == "deviation":
+        plan = straight(1.0, 1.0, 900.0, table.surveys.well.north_reference)
+        table = survey_table(table.surveys.along(plan), example.MADE)
+    return FORMATS[kind].make(table)
+
+
 @pytest.mark.parametrize("tie_on", [UNTIED, WITHOUT_POSITION])
-@pytest.mark.parametrize("kind", FLAGS)
+@pytest.mark.parametrize("kind", [*FLAGS, "deviation", "path"])
 def test_an_export_flags_a_list_with_an_assumed_tie_on_and_not_the_same_list_with_a_given_one(kind, tie_on):
-    assert FLAGS[kind](FORMATS[kind].make(example.table(tie_on=tie_on)))
-    assert not FLAGS[kind](FORMATS[kind].make(example.table(tie_on=GIVEN)))
+    flag = FLAGS.get(kind, rows_flag)
+    assert flag(exported(kind, tie_on))
+    assert not flag(exported(kind, GIVEN))
 
 
 def test_every_format_with_positions_has_its_flag_checked():
@@ -110,25 +128,9 @@ def test_every_format_with_positions_has_its_flag_checked():
     assert set(FORMATS) - set(FLAGS) == {"raw_csv", "pdf", "deviation"}
 
 
-def test_a_deviation_flags_its_rows():
-    for tie_on, words in ((UNTIED, {"assumed"}), (GIVEN, {""})):
-        table = example.table(tie_on=tie_on)
-        surveys = table.surveys.along(straight(1.0, 1.0, 900.0, table.surveys.well.north_reference))
-        data = FORMATS["deviation"].make(survey_table(surveys, example.MADE)).decode()
-        assert {row["coordinates"] for row in csv.DictReader(io.StringIO(data))} == words
-
-
-def test_path_csv_flags_it_too():
-    for tie_on, words in ((UNTIED, {"assumed"}), (GIVEN, {""})):
-        rows = csv.DictReader(io.StringIO(path_csv(example.table(tie_on=tie_on))))
-        assert {row["coordinates"] for row in rows} == words
-
-
 def test_path_csv_has_the_numbers_of_the_definitive_survey_under_the_same_names_with_more_digits():
     table = example.table()
-    exact = list(csv.DictReader(io.StringIO(path_csv(table))))
-    printed = definitive_csv(table).splitlines()
-    printed = list(csv.DictReader(line for line in printed if not line.startswith("#")))
+    exact, printed = rows_of(path_csv(table)), rows_of(definitive_csv(table))
     for signal, listed in LISTED:
         for one, other in zip(exact, printed, strict=True):
             assert (one[listed.key] == "") == (other[listed.key] == ""), signal.name
@@ -219,22 +221,19 @@ def test_a_bit_far_below_the_wellhead_without_a_survey_is_assumed_too():
 
 
 def test_a_sidetrack_is_assumed_as_its_parent_is_and_follows_when_the_parent_gets_its_tie_on():
-    whole = example.surveys(tie_on=UNTIED).sidetracked("st1", 450.0)
-    whole = whole.add(example.survey(20, 20.0, 75.0), 480.0, 0.4)
-    assert whole.definitive("st1").assumed
-    tied = whole.tied_on(GIVEN, "main")
+    def sidetracked(tie_on):
+        whole = example.surveys(tie_on=tie_on).sidetracked("st1", 450.0)
+        return whole.add(example.survey(20, 20.0, 75.0), 480.0, 0.4)
+
+    assert sidetracked(UNTIED).definitive("st1").assumed
+    tied = sidetracked(UNTIED).tied_on(GIVEN, "main")
     assert not tied.definitive("st1").assumed
     moved = tied.definitive("main").at(450.0)[2]
     kick_off = tied.find_leg("st1").tie_on
     assert (kick_off.north, kick_off.east, kick_off.vertical_depth) == pytest.approx(tuple(moved))
     assert kick_off.source == Origin.LEG
-    assert tied.definitive("st1").positions[-1] == pytest.approx(
-        example.surveys(tie_on=GIVEN)
-        .sidetracked("st1", 450.0)
-        .add(example.survey(20, 20.0, 75.0), 480.0, 0.4)
-        .definitive()
-        .positions[-1]
-    )
+    given_at_once = sidetracked(GIVEN).definitive()
+    assert tied.definitive("st1").positions[-1] == pytest.approx(given_at_once.positions[-1])
 
 
 def test_an_assumed_north_is_said_beside_the_azimuths():
@@ -253,47 +252,39 @@ def rows(columns, *stations):
 
 BELOW = ((600, 8.0, 30.0), (630, 9.0, 31.0), (660, 10.0, 31.0))
 # A list as a file, what its coordinates rest on, and what else is said of where its path starts.
+FROM_DEPTH, NORTH = RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.NORTH_ASSUMED
 LISTS = {
-    "begins at depth": (rows("md_m,inc_deg,azi_true", *BELOW), {RemarkKind.HOLE_ABOVE_ASSUMED}, set()),
-    "begins at depth, too steep for an arc": (
-        rows("md_m,inc_deg,azi_true", (6, 85, 30), (36, 86, 30)),
-        {RemarkKind.HOLE_ABOVE_ASSUMED},
-        set(),
-    ),
+    "begins at depth": ("md_m,inc_deg,azi_true", BELOW, {FROM_DEPTH}, set()),
+    "begins at depth, too steep": ("md_m,inc_deg,azi_true", ((6, 85, 30), (36, 86, 30)), {FROM_DEPTH}, set()),
     "begins at depth with a depth no arc reaches": (
-        rows("md_m,inc_deg,azi_true,tvd_m", (600, 8.0, 30.0, 540.0), (630, 8.0, 30.0, 569.71)),
+        "md_m,inc_deg,azi_true,tvd_m",
+        ((600, 8.0, 30.0, 540.0), (630, 8.0, 30.0, 569.71)),
         {RemarkKind.TIE_ON_ASSUMED},
         set(),
     ),
     "begins at depth with a depth an arc reaches": (
-        rows("md_m,inc_deg,azi_true,tvd_m", (600, 8.0, 30.0, 598.05), (630, 8.0, 30.0, 627.76)),
-        {RemarkKind.HOLE_ABOVE_ASSUMED},
+        "md_m,inc_deg,azi_true,tvd_m",
+        ((600, 8.0, 30.0, 598.05), (630, 8.0, 30.0, 627.76)),
+        {FROM_DEPTH},
         set(),
     ),
     "begins at depth with a whole position": (
-        rows("md_m,inc_deg,azi_true,tvd_m,ns_m,ew_m", (600, 8, 0, 540, 150, 20), (630, 8, 0, 569.71, 154.18, 20)),
+        "md_m,inc_deg,azi_true,tvd_m,ns_m,ew_m",
+        ((600, 8, 0, 540, 150, 20), (630, 8, 0, 569.71, 154.18, 20)),
         set(),
         {RemarkKind.TIE_ON_OF_LIST},
     ),
-    "has a station at the wellhead": (rows("md_m,inc_deg,azi_true", (0, 0, 0), *BELOW), set(), set()),
-    "begins near the wellhead": (
-        rows("md_m,inc_deg,azi_true", (20, 0.5, 10), (50, 1, 10)),
-        set(),
-        {RemarkKind.HOLE_ABOVE_ASSUMED},
-    ),
-    "does not name its north": (rows("md_m,inc_deg,azi", (0, 0, 0), *BELOW), {RemarkKind.NORTH_ASSUMED}, set()),
-    "begins at depth and does not name its north": (
-        rows("md_m,inc_deg,azi", *BELOW),
-        {RemarkKind.NORTH_ASSUMED, RemarkKind.HOLE_ABOVE_ASSUMED},
-        set(),
-    ),
+    "has a station at the wellhead": ("md_m,inc_deg,azi_true", ((0, 0, 0), *BELOW), set(), set()),
+    "begins near the wellhead": ("md_m,inc_deg,azi_true", ((20, 0.5, 10), (50, 1, 10)), set(), {FROM_DEPTH}),
+    "does not name its north": ("md_m,inc_deg,azi", ((0, 0, 0), *BELOW), {NORTH}, set()),
+    "begins at depth and does not name its north": ("md_m,inc_deg,azi", BELOW, {NORTH, FROM_DEPTH}, set()),
 }
 
 
 @pytest.mark.parametrize("case", LISTS)
 def test_what_the_reader_assumed_flags_coordinates_everywhere_and_is_said_once(case):
-    data, assumed, said = LISTS[case]
-    surveys = survey_list(list_of(data))
+    columns, stations, assumed, said = LISTS[case]
+    surveys = survey_list(list_of(rows(columns, *stations)))
     path = surveys.definitive()
     assert {one.kind for one in path.assumptions} == assumed
     # Of the start of a path the reader's sentence is the only one.
@@ -348,8 +339,7 @@ def test_an_angle_between_norths_that_is_not_known_is_printed_nowhere(missing):
     assert not re.search(r"\d", dict(table.header)[line])
     xml = FORMATS["witsml"].make(table).decode()
     assert {"declination": "MagDeclUsed", "convergence": "GridConUsed"}[missing].lower() not in xml.lower()
-    rows = csv.DictReader([x for x in FORMATS["raw_csv"].make(table).decode().splitlines() if not x.startswith("#")])
-    assert next(rows)[f"{missing}_deg"] == ""
+    assert rows_of(FORMATS["raw_csv"].make(table))[0][f"{missing}_deg"] == ""
 
 
 def test_a_tie_on_that_nobody_gave_prints_no_numbers():

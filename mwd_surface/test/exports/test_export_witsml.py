@@ -112,21 +112,23 @@ def test_any_name_of_a_well_leaves_the_file_valid(name):
 
 
 @pytest.mark.fault_case(91)
-def test_a_station_with_a_nan_is_left_out_with_its_reason_and_the_file_is_valid():
+@pytest.mark.parametrize(
+    ("column", "value", "reason"),
+    [
+        ("inclination", math.nan, "station 3 (survey 3) omitted: a number in it is not finite"),
+        ("azimuth", math.nan, "station 3 (survey 3) omitted: a number in it is not finite"),
+        # Its depth is printed as that of the station before.
+        ("md", 330.00001, "not deeper than the one before"),
+    ],
+)
+def test_a_station_that_cannot_be_written_is_left_out_with_its_reason_and_the_file_is_valid(column, value, reason):
     whole = example.surveys()
     path = whole.definitive()
-    broken = dataclasses.replace(path, azimuth=np.where(np.arange(path.md.size) == 3, np.nan, path.azimuth))
+    third = np.arange(path.md.size) == 3
+    broken = dataclasses.replace(path, **{column: np.where(third, value, getattr(path, column))})
     root = checked(witsml(table_of(whole, broken, example.MADE)))
     assert len(root.findall(".//w:trajectoryStation", NS)) == path.md.size - 1
-    assert "station 3 (survey 3) omitted" in text(root[0], "commonData/comments")
-
-
-def test_stations_that_print_the_same_depth_are_not_written_twice():
-    whole = example.surveys()
-    path = whole.definitive()
-    squeezed = dataclasses.replace(path, md=np.where(np.arange(path.md.size) == 3, path.md[2] + 1e-5, path.md))
-    root = checked(witsml(table_of(whole, squeezed, example.MADE)))
-    assert "not deeper than the one before" in text(root[0], "commonData/comments")
+    assert reason in text(root[0], "commonData/comments")
 
 
 def test_an_empty_list_and_equal_uuids_are_valid():

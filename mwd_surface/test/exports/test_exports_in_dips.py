@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A well in dips: every file for people converts back to the inclinations inside, and no other number changes."""
 
-import csv
 import dataclasses
+import functools
 import math
 
 import example_surveys as example
 import numpy as np
 import pytest
+from csv_rows import rows_of
 
 from mwd_sensors.core.angle_convention import CONVENTIONS, AngleConvention
 from mwd_surface.exports.export import FORMATS
@@ -22,15 +23,11 @@ from mwd_surface.surveys.well import Well
 DIPS = ("dip_up", "dip_down")
 
 
+@functools.cache
 def table(convention):
     surveys = example.surveys()
     well = dataclasses.replace(surveys.well, convention=convention)
     return survey_table(surveys.configured(well, surveys.rules), example.MADE)
-
-
-def rows_of(data):
-    lines = [line for line in data.decode().splitlines() if not line.startswith("#")]
-    return list(csv.DictReader(lines))
 
 
 @pytest.mark.parametrize("convention", CONVENTIONS)
@@ -76,21 +73,17 @@ def test_every_sheet_of_the_report_has_dips_where_it_had_inclinations(convention
     assert found >= 2
 
 
-@pytest.mark.parametrize("convention", DIPS)
-def test_a_plan_in_dips_without_a_direction_has_that_of_the_well(tmp_path, convention):
-    angles = AngleConvention(convention)
+@pytest.mark.parametrize(
+    ("convention", "title", "dip"),
+    [
+        ("dip_up", "dip_deg", 5.0),
+        ("dip_down", "dip_deg", -5.0),
+        *((convention, "hole_dip_up_deg", 5.0) for convention in CONVENTIONS),
+        *((convention, "hole_dip_down_deg", -5.0) for convention in CONVENTIONS),
+    ],
+)
+def test_a_plan_in_dips_has_the_direction_that_it_states_or_else_that_of_the_well(tmp_path, convention, title, dip):
     file = tmp_path / "plan.csv"
-    dip = math.degrees(angles.shown(math.radians(95.0)))
-    file.write_text(f"md_m,dip_deg,azi_true\n0,{dip},10\n90,{dip},10\n")
-    plan = PlanMonitor.read(PlanSettings(file=str(file)), Well(convention=convention, north_reference="true"))
-    np.testing.assert_allclose(np.degrees(plan.inclination), 95.0)
-
-
-@pytest.mark.parametrize("convention", CONVENTIONS)
-@pytest.mark.parametrize("way", ["up", "down"])
-def test_a_plan_that_states_its_direction_has_it_in_any_well(tmp_path, convention, way):
-    file = tmp_path / "plan.csv"
-    dip = 5.0 if way == "up" else -5.0
-    file.write_text(f"md_m,hole_dip_{way}_deg,azi_true\n0,{dip},10\n90,{dip},10\n")
+    file.write_text(f"md_m,{title},azi_true\n0,{dip},10\n90,{dip},10\n")
     plan = PlanMonitor.read(PlanSettings(file=str(file)), Well(convention=convention, north_reference="true"))
     np.testing.assert_allclose(np.degrees(plan.inclination), 95.0)

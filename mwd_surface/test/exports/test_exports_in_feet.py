@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exports of a well in field units, with inclinations or dips: the same lengths in feet, and no length in two units."""
 
-import csv
+import functools
 import io
 import math
 import re
@@ -10,6 +10,7 @@ import example_surveys as example
 import lasio
 import openpyxl
 import pytest
+from csv_rows import rows_of
 
 from mwd_sensors.core.angle_convention import CONVENTIONS
 from mwd_surface.exports.export import FORMATS
@@ -23,6 +24,7 @@ FOOT = 0.3048
 TO_METRIC = {"ft": ("m", FOOT), "deg/100 ft": ("deg/30 m", 30.0 / 30.48), "deg/100ft": ("deg/30 m", 30.0 / 30.48)}
 
 
+@functools.cache
 def tables(convention):
     """Return the table of a planned well in metric and in field units."""
     design = straight(math.radians(30.0), math.radians(75.0), 900.0, "grid", "design")
@@ -76,8 +78,7 @@ def test_files_in_feet_have_no_length_in_metres(convention):
     las = lasio.read(io.StringIO(made(table, "las").decode()))
     assert {one.unit for one in las.curves} <= {"FT", "DEG", "DEG/100FT", ""}
     assert {las.well[name].unit for name in ("STRT", "STOP", "STEP")} == {"FT"}
-    names = next(csv.reader(line for line in made(table, "csv").decode().splitlines() if not line.startswith("#")))
-    assert not [name for name in names if name.endswith(("_m", "_30m"))]
+    assert not [name for name in rows_of(made(table, "csv"))[0] if name.endswith(("_m", "_30m"))]
 
 
 @pytest.mark.parametrize("convention", CONVENTIONS)

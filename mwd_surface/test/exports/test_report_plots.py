@@ -8,7 +8,6 @@ import pytest
 from mwd_surface.exports import report_plots
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.plots.drawing import png, svg
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.trajectory.plan import plan_of
@@ -61,11 +60,3 @@ def test_deviations_are_drawn_as_judged_with_their_limits_as_a_band():
     band = axes[1].collections[0].get_paths()[0].vertices
     assert (band[:, 0].min(), band[:, 0].max()) == pytest.approx((-300.0, 300.0))
     assert report_plots.quality_view(table).legends
-
-
-@pytest.mark.slow
-def test_the_same_table_gives_the_same_picture():
-    first, second = (report_plots.plan_view(example.table()) for _ in range(2))
-    assert svg(first) == svg(second)
-    assert "\n<svg" in svg(first)
-    assert png(first, 40).startswith(b"\x89PNG")

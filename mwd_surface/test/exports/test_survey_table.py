@@ -5,7 +5,6 @@ import dataclasses
 import math
 
 import example_surveys as example
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -94,15 +93,6 @@ def test_a_plan_adds_distance_and_direction():
     table = example.table(plan=plan)
     assert float(table.column("to_plan_m").cell(1)) == pytest.approx(0.0, abs=1e-3)
     assert head(table)["Plan"] == "Plan 1"
-
-
-def test_a_station_that_is_not_finite_is_left_out_with_its_reason():
-    whole = example.surveys()
-    path = whole.definitive()
-    broken = dataclasses.replace(path, inclination=np.where(np.arange(path.md.size) == 3, np.nan, path.inclination))
-    table = tables.table_of(whole, broken, example.MADE)
-    assert len(table.records) == path.md.size - 1
-    assert table.left_out == ("station 3 (survey 3) omitted: a number in it is not finite",)
 
 
 @pytest.mark.parametrize(

@@ -15,20 +15,15 @@ def survey(key):
     return {"key": key, "bag": "a", "well": "", "sequence": 1, "azimuth_deg": None}
 
 
-def test_rows_come_back_as_they_were_written(tmp_path):
-    fleet_dataset.write(tmp_path, "k", {"bags": [row("k")], "surveys": [survey("k"), survey("k")]})
+@pytest.mark.parametrize("times", [1, 2])
+def test_rows_come_back_as_they_were_written_once_or_again(tmp_path, times):
+    for _ in range(times):
+        fleet_dataset.write(tmp_path, "k", {"bags": [row("k")], "surveys": [survey("k"), survey("k")]})
     assert fleet_dataset.finished(tmp_path, "k")["surveys"] == 1
-    assert parquet.read_table(tmp_path / "surveys").num_rows == 2
+    assert parquet.read_table(tmp_path / "bags").num_rows == 1
     assert parquet.read_table(tmp_path / "surveys").column("azimuth_deg").to_pylist() == [None, None]
     assert parquet.read_table(tmp_path / "attitude").num_rows == 0
     assert not list(tmp_path.rglob("*.unfinished"))
-
-
-def test_written_twice_is_there_once(tmp_path):
-    for _ in range(2):
-        fleet_dataset.write(tmp_path, "k", {"bags": [row("k")], "surveys": [survey("k")]})
-    assert parquet.read_table(tmp_path / "bags").num_rows == 1
-    assert parquet.read_table(tmp_path / "surveys").num_rows == 1
 
 
 def test_a_failed_or_damaged_result_is_not_finished(tmp_path):
@@ -52,8 +47,7 @@ def test_tidying_takes_what_was_left_half_done_or_is_of_earlier_bytes(tmp_path):
     assert not list(tmp_path.rglob("*.unfinished"))
 
 
-@pytest.mark.parametrize("change", ["bytes", "settings", "version"])
-def test_the_key_changes_with_bytes_settings_and_version_only(tmp_path, change):
+def test_the_key_changes_with_bytes_settings_and_version_only(tmp_path):
     bag = tmp_path / "one"
     bag.mkdir()
     (bag / "one.mcap").write_bytes(b"abc")
@@ -62,8 +56,7 @@ def test_the_key_changes_with_bytes_settings_and_version_only(tmp_path, change):
     moved = bag.rename(tmp_path / "two")
     (moved / "metadata.yaml").write_text("name: two")
     assert fleet_dataset.key_of(moved, "s", "1") == before
-    if change == "bytes":
-        (moved / "one.mcap").write_bytes(b"abd")
-    assert before != fleet_dataset.key_of(
-        moved, "t" if change == "settings" else "s", "2" if change == "version" else "1"
-    )
+    assert fleet_dataset.key_of(moved, "t", "1") != before
+    assert fleet_dataset.key_of(moved, "s", "2") != before
+    (moved / "one.mcap").write_bytes(b"abd")
+    assert fleet_dataset.key_of(moved, "s", "1") != before

@@ -69,12 +69,9 @@ def test_texts_of_recordings_cannot_become_part_of_the_page():
 
 
 def test_the_page_is_written_whole_over_an_earlier_one(tmp_path):
-    assert fleet_index.write_index(tmp_path, [done("/a")]) == tmp_path / "index.html"
-    fleet_index.write_index(tmp_path, [done("/é")])
+    for outcomes in ([done("/a")], [done("/é")]):
+        assert fleet_index.write_index(tmp_path, outcomes) == tmp_path / "index.html"
     assert (tmp_path / "index.html").read_text(encoding="utf-8") == fleet_index.index_html([done("/é")])
     assert [file.name for file in tmp_path.iterdir()] == ["index.html"]
-
-
-def test_a_folder_that_is_not_there_is_the_callers_error(tmp_path):
     with pytest.raises(FileNotFoundError):
         fleet_index.write_index(tmp_path / "nowhere", [])

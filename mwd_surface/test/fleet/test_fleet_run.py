@@ -20,6 +20,7 @@ from mwd_sensors.core import settings, wire
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.fleet import fleet_index, fleet_run
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
+from project import ROOT
 
 pytestmark = pytest.mark.slow
 
@@ -27,20 +28,16 @@ START = 1_772_344_800_000_000_000
 RAW = settings.changed(EstimatorSettings(), {"gravity.method": "raw"})
 
 
-def recording(path, seed=0, seconds=16.0, wells=("",), rate=50):
-    """A tool that keeps still, with a survey in it."""
-    n = round(seconds * rate)
-    rng = np.random.default_rng(seed)
+def recording(path, seed=0):
+    """Write the recording of a tool that keeps still for 16 s, with a survey in it."""
+    rng, imu, mag = np.random.default_rng(seed), wire.IMU.empty(800), wire.MAG.empty(800)
+    imu["stamp_ns"] = mag["stamp_ns"] = START + np.arange(800) * 20_000_000
+    imu["linear_acceleration"] = np.array([-7.0, 2.0, 6.5]) + rng.normal(scale=0.01, size=(800, 3))
+    imu["angular_velocity"] = rng.normal(scale=1e-3, size=(800, 3))
+    mag["magnetic_field"] = np.array([2e-5, 1e-5, 4e-5]) + rng.normal(scale=2e-8, size=(800, 3))
     with BagWriter(path) as bag:
-        for well in wells:
-            imu, mag = wire.IMU.empty(n), wire.MAG.empty(n)
-            imu["stamp_ns"] = mag["stamp_ns"] = START + np.arange(n) * (1_000_000_000 // rate)
-            imu["linear_acceleration"] = np.array([-7.0, 2.0, 6.5]) + rng.normal(scale=0.01, size=(n, 3))
-            imu["angular_velocity"] = rng.normal(scale=1e-3, size=(n, 3))
-            mag["magnetic_field"] = np.array([2e-5, 1e-5, 4e-5]) + rng.normal(scale=2e-8, size=(n, 3))
-            for name, layout, rows in (("imu/data_raw", wire.IMU, imu), ("imu/mag", wire.MAG, mag)):
-                topic = bag.topic(f"/{well}/{name}".replace("//", "/"), layout.type_name)
-                bag.write_rows(topic, layout.encode(rows, "sonde_link"), rows["stamp_ns"])
+        for name, layout, rows in (("/imu/data_raw", wire.IMU, imu), ("/imu/mag", wire.MAG, mag)):
+            bag.write_rows(bag.topic(name, layout.type_name), layout.encode(rows, "sonde_link"), rows["stamp_ns"])
     return path
 
 
@@ -63,11 +60,6 @@ def test_bags_are_found_by_folder_file_and_pattern_each_once(tmp_path):
         assert fleet_run.find_bags(patterns) == sorted(wanted)
     with pytest.raises(ValueError, match="no recording found"):
         fleet_run.find_bags([f"{tmp_path}/nothing/**"])
-
-
-def test_an_unknown_scheduler_is_refused_and_one_that_is_not_there_is_reported():
-    with pytest.raises(ValueError, match="expected local, processes, threads or tcp"), fleet_run.cluster("spark"):
-        pass
 
 
 def test_a_bag_that_fails_is_an_outcome_and_the_rest_is_worked_out_once(tmp_path):
@@ -110,24 +102,11 @@ def test_called_again_it_keeps_what_is_done_and_does_the_rest(tmp_path):
     assert parquet.read_table(tmp_path / "fleet" / "bags").num_rows == 2
 
 
-def test_every_well_of_a_bag_is_worked_out(tmp_path):
-    bag = recording(tmp_path / "two", wells=("well_1", "well_2"))
-    (outcome,) = run([bag], tmp_path / "fleet")
-    assert outcome.row["wells"] == 2
-    assert set(parquet.read_table(tmp_path / "fleet" / "surveys").column("well").to_pylist()) == {"well_1", "well_2"}
-
-
 def test_other_programs_read_a_table_as_one(tmp_path):
     bags = [recording(tmp_path / "bags" / name, seed) for seed, name in enumerate(("a", "b", "c"))]
     run(bags, tmp_path / "fleet")
     # In a process of its own: its module complains when the interpreter ends.
-    query = """
-import duckdb, sys
-surveys = "select count(*), count(distinct bag), min(inclination_deg) from '{0}/surveys/*.parquet'"
-bins = "select sum(samples) from '{0}/attitude/*.parquet'"
-print(*(duckdb.connect().execute(one.format(sys.argv[1])).fetchone() for one in (surveys, bins)), sep="\\n")
-"""
-    words = [sys.executable, "-c", query, str(tmp_path / "fleet")]
+    words = [sys.executable, ROOT / "mwd_surface" / "test" / "programs" / "query_fleet.py", tmp_path / "fleet"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     surveys, bins = (ast.literal_eval(line) for line in done.stdout.splitlines())
     assert surveys[:2] == (3, 3)
@@ -177,9 +156,13 @@ def test_an_interrupted_batch_ends_with_one_sentence(tmp_path):
     assert "run the same command again" in said
 
 
-def test_a_cluster_that_anybody_may_use_needs_no_files_and_an_encrypted_one_does():
-    with (
-        pytest.raises(ValueError, match="needs --tls-ca, --tls-cert, --tls-key"),
-        fleet_run.cluster("tls://127.0.0.1:1"),
-    ):
+@pytest.mark.parametrize(
+    ("scheduler", "words"),
+    [
+        ("spark", "expected local, processes, threads or tcp"),
+        ("tls://127.0.0.1:1", "needs --tls-ca, --tls-cert, --tls-key"),
+    ],
+)
+def test_a_scheduler_that_is_unknown_or_lacks_its_certificates_is_refused(scheduler, words):
+    with pytest.raises(ValueError, match=words), fleet_run.cluster(scheduler):
         pass

@@ -71,12 +71,17 @@ def test_a_rest_is_known_however_many_came_after_it():
     assert [spans.flowing(at) for at in (10.0, 30.0)] == [False, True]
 
 
-def test_a_data_gap_may_hide_a_rest():
-    # A receiver that stood still while the pumps were off: its next survey is not that of the rest before.
+def with_gap(begin_s, end_s):
     time = np.arange(6000) / 10.0
-    heard = (time < 250.0) | (time > 400.0)
+    heard = (time < begin_s) | (time > end_s)
     spans = FlowSpans()
     spans.push(time[heard], drilled()[heard])
+    return spans
+
+
+def test_a_data_gap_may_hide_a_rest():
+    # A receiver that stood still while the pumps were off: its next survey is not that of the rest before.
+    spans = with_gap(250.0, 400.0)
     assert spans.before(240.0) is not None
     assert spans.before(450.0) is None
     assert spans.rested(100.0, 500.0)
@@ -84,10 +89,7 @@ def test_a_data_gap_may_hide_a_rest():
 
 
 def test_a_data_gap_that_begins_within_a_rest_may_hide_another():
-    time = np.arange(6000) / 10.0
-    heard = (time < 330.0) | (time > 420.0)
-    spans = FlowSpans()
-    spans.push(time[heard], drilled()[heard])
+    spans = with_gap(330.0, 420.0)
     assert spans.before(450.0) is None
     assert spans.on_since(450.0) == pytest.approx(420.0, abs=1.5)
     assert spans.on_since(200.0) == pytest.approx(41.0, abs=1.5)

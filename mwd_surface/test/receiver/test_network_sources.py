@@ -24,17 +24,6 @@ TIME = np.arange(200) * 0.02
 PRESSURE = np.round(2.0e7 + 1e5 * np.random.default_rng(1).normal(size=200), 2)
 
 
-def received(source, count):
-    rows = []
-
-    def enough():
-        rows.append(source.read())
-        return sum(len(times) for times, _ in rows) >= count
-
-    until(enough)
-    return tuple(np.concatenate(part) for part in zip(*rows, strict=True))
-
-
 def from_pipe(text, columns="", pieces=7):
     reading, writing = os.pipe()
     source = LineSource(Pipe(reading), columns_of(columns), time.monotonic)
@@ -47,6 +36,16 @@ def from_pipe(text, columns="", pieces=7):
     os.close(reading)
     assert source.ended
     return source, *(np.concatenate(part) for part in zip(*rows, strict=True))
+
+
+def assert_as_in_a_file(path, text, columns="", pieces=7):
+    """Lines that come through a pipe give the samples that a file of them gives; return their times."""
+    _, times, pressures = from_pipe(text, columns, pieces)
+    path.write_text(text)
+    read = pressure_files.read(path, columns=columns)
+    np.testing.assert_allclose(times, read.time_s, atol=1e-9)
+    np.testing.assert_allclose(pressures, read.pressure_pa, rtol=1e-12)
+    return times
 
 
 @pytest.mark.parametrize("pieces", [1, 7, 100])
@@ -62,12 +61,7 @@ def from_pipe(text, columns="", pieces=7):
 def test_lines_give_the_samples_that_a_file_of_them_gives(tmp_path, head, separator, decimal, columns, pieces):
     rows = [f"{t:.2f}{separator}{p / 1e5:.7f}".replace(".", decimal) for t, p in zip(TIME, PRESSURE, strict=True)]
     rows.insert(50, separator.join(["9.9", "Bad"]))
-    text = "\n".join([*([head] if head else []), *rows]) + "\n"
-    _, times, pressures = from_pipe(text, columns, pieces)
-    (tmp_path / "p.csv").write_text(text)
-    read = pressure_files.read(tmp_path / "p.csv", columns=columns)
-    np.testing.assert_allclose(times, read.time_s, atol=1e-9)
-    np.testing.assert_allclose(pressures, read.pressure_pa, rtol=1e-12)
+    assert_as_in_a_file(tmp_path / "p.csv", "\n".join([*([head] if head else []), *rows, ""]), columns, pieces)
 
 
 @pytest.mark.parametrize(
@@ -90,33 +84,13 @@ def test_lines_of_json_give_the_samples_that_a_file_of_them_gives(tmp_path, rows
     pairs = [(round(t, 2), round(p / 1e5, 7)) for t, p in zip(TIME, PRESSURE, strict=True)]
     lines = [json.dumps(row) for t, p in pairs for row in rows(t, p)]
     lines.insert(50, lines[50][:9])
-    text = "\n".join(lines) + "\n"
-    _, times, pressures = from_pipe(text, columns)
-    (tmp_path / "p.jsonl").write_text(text)
-    read = pressure_files.read(tmp_path / "p.jsonl", columns=columns)
-    np.testing.assert_allclose(times, read.time_s, atol=1e-9)
-    np.testing.assert_allclose(pressures, read.pressure_pa, rtol=1e-12)
-    assert len(times) == len(TIME)
+    assert len(assert_as_in_a_file(tmp_path / "p.jsonl", "\n".join([*lines, ""]), columns)) == len(TIME)
 
 
-def test_lines_with_stamps_go_on_behind_midnight_and_lines_without_times_arrive_in_order():
-    clocks = [
-        f"23:59:{58 + t:06.3f},{p}" if t < 2.0 else f"00:00:{t - 2:06.3f},{p}"
-        for t, p in zip(TIME, PRESSURE, strict=True)
-    ]
-    _, times, _ = from_pipe("\n".join(["Rig time,SPP (Pa)", *clocks]) + "\n")
-    np.testing.assert_allclose(times, TIME, atol=1e-6)
+def test_lines_without_times_arrive_in_order():
     _, times, pressures = from_pipe("\n".join(f"{p}" for p in PRESSURE) + "\n", "pressure_pa=1")
     assert np.all(np.diff(times) > 0.0)
     np.testing.assert_allclose(pressures, PRESSURE)
-
-
-def test_lines_whose_columns_nothing_names_ask_for_them():
-    source, times, _ = from_pipe("1,2\n3,4\n")
-    assert not len(times)
-    assert "--columns time_s=1,pressure_bar=2" in source.failure
-    with pytest.raises(ValueError, match="unit is not known"):
-        LineSource(Pipe(0), columns_of("pressure_furlong=1"), time.monotonic)
 
 
 class Pieces:
@@ -186,14 +160,6 @@ def test_titles_before_the_names_and_a_mark_of_each_column_are_read_as_in_files(
     _, times, pressures = from_pieces([f"{line}\n" for line in lines], "")
     np.testing.assert_allclose(times, 0.02 * np.arange(40), atol=1e-5)
     np.testing.assert_allclose(pressures, 2.038e7)
-    with pytest.raises(ValueError, match="counted from 1"):
-        LineSource(Pieces(), columns_of("time_s=0,pressure_bar=2"), time.monotonic)
-
-
-def test_lines_whose_times_may_be_milliseconds_ask_for_the_unit():
-    source, times, _ = from_pieces([f"{20 * k},203.8\n" for k in range(30)], "time=1,pressure_bar=2")
-    assert not len(times)
-    assert "time_s=1 or time_ms=1" in source.failure
 
 
 @pytest.mark.parametrize(
@@ -252,14 +218,33 @@ def test_the_numbers_of_lines_have_any_marks_that_a_column_reveals(row, bar, mar
     assert source.failure == ""
 
 
-def test_digits_of_lines_that_may_be_thousands_are_asked():
-    pieces = [f"{k};1,{234 + k}\n" for k in range(30)]
-    source, times, _ = from_pieces(pieces, "time_s=1,pressure_psi=2")
+@pytest.mark.parametrize(
+    ("row", "columns", "question"),
+    [
+        (lambda k: f"{k},{k}", "", "--columns time_s=1,pressure_bar=2"),
+        (lambda k: f"{20 * k},203.8", "time=1,pressure_bar=2", "time_s=1 or time_ms=1"),
+        (lambda k: f"{k};1,{234 + k}", "time_s=1,pressure_psi=2", "decimal=comma or decimal=point"),
+    ],
+)
+def test_what_lines_do_not_say_is_asked(row, columns, question):
+    source, times, _ = from_pieces([f"{row(k)}\n" for k in range(30)], columns)
     assert not len(times)
-    assert "decimal=comma or decimal=point" in source.failure
-    for mark, psi in (("point", 1234.0), ("Comma", 1.234)):
-        _, _, pressures = from_pieces(pieces, f"time_s=1,pressure_psi=2,decimal={mark}")
-        assert pressures[0] == pytest.approx(psi * 6894.757293168)
+    assert question in source.failure
+
+
+@pytest.mark.parametrize(("mark", "psi"), [("point", 1234.0), ("Comma", 1.234)])
+def test_the_decimal_mark_of_lines_can_be_said(mark, psi):
+    pieces = [f"{k};1,{234 + k}\n" for k in range(30)]
+    _, _, pressures = from_pieces(pieces, f"time_s=1,pressure_psi=2,decimal={mark}")
+    assert pressures[0] == pytest.approx(psi * 6894.757293168)
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"), [("pressure_furlong=1", "unit is not known"), ("time_s=0,pressure_bar=2", "counted from 1")]
+)
+def test_columns_that_cannot_be_are_refused(columns, words):
+    with pytest.raises(ValueError, match=words):
+        LineSource(Pieces(), columns_of(columns), time.monotonic)
 
 
 @pytest.mark.parametrize("line", ["1.00", "1.00,Bad", "1.00,203.8,", "--", "1.00,-999.25"])
@@ -284,7 +269,7 @@ def test_wits_frames_over_tcp_give_their_item_and_a_lost_connection_is_opened_ag
             line, _ = server.accept()
             asked.join()
             line.sendall(b"".join(wits.encode([(108, "1234"), (121, f"{value}")]) for value in (2900, 2901, -999.25)))
-            times, pressures = received(source, 2)
+            times, pressures = until(source.read, 2)
             np.testing.assert_allclose(pressures, [2900 * 6894.757293168, 2901 * 6894.757293168])
             assert times[1] > times[0]
             line.close()
@@ -320,7 +305,7 @@ def test_a_node_of_opc_ua_is_read_with_the_times_of_its_source():
     thread.start()
     go.wait(10.0)
     source = OpcUaSource(url, columns_of("pressure_bar=ns=2;s=SPP"))
-    times, pressures = received(source, 20)
+    times, pressures = until(source.read, 20)
     source.close()
     end.set()
     thread.join()

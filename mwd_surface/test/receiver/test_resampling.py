@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples of any rate on an even grid: the same bits however they are cut, and the signal as it was."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
+from traced_memory import peak_bytes
 
 from mwd_surface.receiver.resampling import Resampler, interpolate
 
@@ -85,10 +84,4 @@ def test_a_whole_file_in_one_block_takes_no_more_memory_than_a_few_copies_of_it(
     time = np.arange(200_000) / 192_000.0
     value = np.random.default_rng(1).normal(size=len(time))
     Resampler(0.01).push(time[:100], value[:100])
-    tracemalloc.start()
-    try:
-        Resampler(0.01).push(time, value)
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    assert peak < 90.0 * len(time)
+    assert peak_bytes(lambda: Resampler(0.01).push(time, value)) < 90.0 * len(time)

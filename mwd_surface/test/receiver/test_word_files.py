@@ -1,29 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tables that `mwd decode` writes."""
 
-import csv
-import dataclasses
-import io
+import pytest
+from csv_rows import rows_of
+from example_words import received
 
 from mwd_surface.receiver.word_files import WordFiles, surveys_csv, words_csv
-from mwd_surface.receiver.words import BELIEVED, BY_CONSISTENCY, ERASED, ReceivedWord
+from mwd_surface.receiver.words import BY_CONSISTENCY, ERASED
 
-WORD = ReceivedWord(0.0, 8.0, 4, 0, "survey", "Inc", "deg", 7, 31.5, 0.999, 0.04, BELIEVED, ())
+WORD = received("Inc", 31.5)
 
 
 def test_a_survey_has_what_its_consistency_chose_marked_and_nothing_for_what_was_erased():
-    words = [
-        WORD,
-        dataclasses.replace(WORD, index=1, name="Azm", value=47.25, confidence=0.8, status=BY_CONSISTENCY),
-        dataclasses.replace(WORD, index=2, name="DipA", status=ERASED),
-    ]
-    (row,) = csv.DictReader(io.StringIO(surveys_csv(words)))
-    assert (row["Inc_deg"], row["Azm_deg"], row["DipA_deg"]) == ("31.5", "47.25", "")
+    chosen = received("Azm", 47.25, index=1, confidence=0.8, status=BY_CONSISTENCY)
+    words = [WORD, chosen, received("DipA", 70.0, index=2, status=ERASED)]
+    (row,) = rows_of(surveys_csv(words))
+    assert float(row["Inc_deg"]) == pytest.approx(WORD.value, abs=1e-3)
+    assert float(row["Azm_deg"]) == pytest.approx(chosen.value, abs=1e-3)
+    assert row["DipA_deg"] == ""
     assert row["by_consistency"] == "Azm"
 
 
 def test_words_are_on_disk_as_soon_as_they_are_final(tmp_path):
-    later = dataclasses.replace(WORD, index=1, name="Azm", value=47.25)
+    later = received("Azm", 47.25, index=1)
     with WordFiles(tmp_path) as files:
         for k, words in enumerate(([WORD], [later]), 1):
             files.add(words)

@@ -130,10 +130,3 @@ def test_a_record_beyond_the_end_or_above_the_limit_is_not_read(tmp_path):
     with pytest.raises(FormatError, match="expected a record"):
         file.body(8, Opcode.CHUNK)
     file.close()
-
-
-@pytest.mark.parametrize(("data", "words"), [(b"", "empty"), (b"SQLite format 3", "does not begin")])
-def test_another_file_is_refused(tmp_path, data, words):
-    (tmp_path / "a.mcap").write_bytes(data)
-    with pytest.raises(FormatError, match=words):
-        McapFile(tmp_path / "a.mcap")

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -28,12 +30,17 @@ def opened(path, **options) -> McapWriter:
     return writer
 
 
+def read(path):
+    """Return the summary, messages in order of time, and attachments that the library mcap reads."""
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        messages = [message for _, _, message in reader.iter_messages()]
+        return reader.get_summary(), messages, list(reader.iter_attachments())
+
+
 def counts(path) -> int:
-    file = McapFile(path)
-    try:
+    with contextlib.closing(McapFile(path)) as file:
         return sum(file.contents().counts.values())
-    finally:
-        file.close()
 
 
 def test_every_closed_chunk_can_be_read_while_the_file_still_grows(tmp_path):
@@ -53,8 +60,7 @@ def test_chunks_close_at_their_size_for_single_messages_and_for_rows(tmp_path):
         writer.write(1, bytes(69), START + k, START + k)
     writer.write_rows(1, np.zeros((100, 69), np.uint8), START + np.arange(100), START + np.arange(100))
     writer.finish()
-    with (tmp_path / "a.mcap").open("rb") as file:
-        summary = make_reader(file).get_summary()
+    summary, _, _ = read(tmp_path / "a.mcap")
     sizes = [index.uncompressed_size for index in summary.chunk_indexes]
     assert summary.statistics.message_count == 200
     assert max(sizes) <= 1200
@@ -67,8 +73,7 @@ def test_sequence_numbers_count_the_messages_of_a_channel(tmp_path):
     writer.write_rows(1, np.zeros((3, 4), np.uint8), START + np.arange(3), START + np.arange(3))
     writer.write(1, b"x", START + 9, START + 9)
     writer.finish()
-    with (tmp_path / "a.mcap").open("rb") as file:
-        assert [m.sequence for _, _, m in make_reader(file).iter_messages()] == [1, 2, 3, 4, 5]
+    assert [message.sequence for message in read(tmp_path / "a.mcap")[1]] == [1, 2, 3, 4, 5]
 
 
 def test_every_message_index_points_at_its_message(tmp_path):
@@ -78,10 +83,8 @@ def test_every_message_index_points_at_its_message(tmp_path):
         writer.write_rows(1, np.full((2, 3), k, np.uint8), START + np.array([k, k]), START + np.array([k, k]))
     writer.finish()
     data = (tmp_path / "a.mcap").read_bytes()
-    with (tmp_path / "a.mcap").open("rb") as file:
-        chunks = make_reader(file).get_summary().chunk_indexes
     seen = 0
-    for chunk in chunks:
+    for chunk in read(tmp_path / "a.mcap")[0].chunk_indexes:
         body = data[chunk.chunk_start_offset + 9 : chunk.chunk_start_offset + chunk.chunk_length]
         head = parse_chunk_head(body, len(body))
         plain = Decompressor()(head, body[head.data_at :])
@@ -100,9 +103,8 @@ def test_declarations_come_again_in_every_sixteenth_chunk(tmp_path):
     for k in range(40):
         writer.write(1, b"x", START + k, START + k)
     writer.finish()
-    file = McapFile(tmp_path / "a.mcap")
-    chunks = [piece for piece in file.scan() if isinstance(piece, Chunk)]
-    file.close()
+    with contextlib.closing(McapFile(tmp_path / "a.mcap")) as file:
+        chunks = [piece for piece in file.scan() if isinstance(piece, Chunk)]
     assert [k for k, piece in enumerate(chunks) if declarations(piece)[1]] == [0, 16, 32]
 
 
@@ -112,34 +114,29 @@ def test_stamps_of_attachments_and_order_of_time_are_kept(tmp_path):
     writer.write(1, b"early", START + 10, START + 5)
     writer.attach(Attachment(START - 1, START, "r.pdf", "application/pdf", b"%PDF"))
     writer.finish()
-    with (tmp_path / "a.mcap").open("rb") as file:
-        reader = make_reader(file, validate_crcs=True)
-        statistics = reader.get_summary().statistics
-        assert (statistics.message_start_time, statistics.message_end_time) == (START + 10, START + 50)
-        assert [m.data for _, _, m in reader.iter_messages()] == [b"early", b"late"]
-        (item,) = reader.iter_attachments()
+    summary, messages, (item,) = read(tmp_path / "a.mcap")
+    assert summary.statistics.message_start_time == START + 10
+    assert summary.statistics.message_end_time == START + 50
+    assert [message.data for message in messages] == [b"early", b"late"]
     assert (item.log_time, item.create_time, item.data) == (START, START - 1, b"%PDF")
 
 
-def test_a_disk_that_takes_half_a_record_leaves_a_file_that_ends_after_the_last_whole_one(tmp_path, monkeypatch):
+def test_a_disk_that_takes_half_a_record_leaves_a_file_that_ends_after_the_last_whole_one(tmp_path):
     writer = opened(tmp_path / "a.mcap")
     writer.write(1, b"first", START, START)
     writer.close_chunk()
-    good = os.path.getsize(tmp_path / "a.mcap")  # noqa: PTH202
-    real = os.write
-    calls = []
+    good = (tmp_path / "a.mcap").stat().st_size
+    write, calls = os.write, []
 
     def full(file, data):
-        calls.append(1)
-        if len(calls) == 1:
-            return real(file, data[:10])
-        raise OSError(errno.ENOSPC, "No space left on device")
+        calls.append(file)
+        if len(calls) > 1:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(file, data[:10])
 
-    monkeypatch.setattr(os, "write", full)
     writer.write(1, b"second", START + 1, START + 1)
-    with pytest.raises(OSError, match="No space"):
+    with mock.patch.object(os, "write", full), pytest.raises(OSError, match="No space"):
         writer.close_chunk()
-    monkeypatch.setattr(os, "write", real)
     assert (tmp_path / "a.mcap").stat().st_size == good
     # The message is still held, and goes out once the disk takes it.
     writer.finish()
@@ -147,14 +144,10 @@ def test_a_disk_that_takes_half_a_record_leaves_a_file_that_ends_after_the_last_
 
 
 @pytest.mark.fault_case(62)
-def test_a_file_whose_first_bytes_find_no_room_is_not_in_the_way_of_the_next_attempt(tmp_path, monkeypatch):
-    def full(_file, _data):
-        raise OSError(errno.ENOSPC, "no room")
-
-    monkeypatch.setattr(os, "write", full)
-    with pytest.raises(OSError, match="no room"):
+def test_a_file_whose_first_bytes_find_no_room_is_not_in_the_way_of_the_next_attempt(tmp_path):
+    full = OSError(errno.ENOSPC, "no room")
+    with mock.patch.object(os, "write", side_effect=full), pytest.raises(OSError, match="no room"):
         McapWriter(tmp_path / "a.mcap")
-    monkeypatch.undo()
     McapWriter(tmp_path / "a.mcap").close()
 
 
@@ -166,8 +159,7 @@ def test_messages_given_up_are_counted_and_the_rest_is_a_sound_file(tmp_path):
         writer.write(1, b"more", START + 10 + k, START)
     assert writer.discard_pending() == 3
     writer.finish()
-    with (tmp_path / "a.mcap").open("rb") as file:
-        statistics = make_reader(file, validate_crcs=True).get_summary().statistics
+    statistics = read(tmp_path / "a.mcap")[0].statistics
     assert (statistics.message_count, statistics.message_end_time) == (1, START)
 
 
@@ -176,9 +168,3 @@ def test_an_existing_file_is_never_overwritten(tmp_path):
     with pytest.raises(FileExistsError):
         McapWriter(tmp_path / "a.mcap")
     assert (tmp_path / "a.mcap").read_bytes() == b"precious"
-
-
-def test_a_file_without_any_message_is_sound(tmp_path):
-    opened(tmp_path / "a.mcap").finish()
-    with (tmp_path / "a.mcap").open("rb") as file:
-        assert make_reader(file, validate_crcs=True).get_summary().statistics.message_count == 0

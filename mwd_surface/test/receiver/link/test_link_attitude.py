@@ -5,26 +5,28 @@ import math
 
 import numpy as np
 import pytest
+from example_words import received
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
-from mwd_sensors.telemetry.words import COMMON
 from mwd_surface.receiver.link.link_attitude import AgeRules, LinkAttitude, best
-from mwd_surface.receiver.words import BELIEVED, ERASED, ReceivedWord
+from mwd_surface.receiver.words import ERASED
 
 RULES = AgeRules(toolface_max_age_s=60.0, toolface_rate_deg_s=0.5, toolface_sigma_deg=2.0)
 REFERENCE = Reference(50e-6, math.radians(70.0), math.radians(2.0), math.radians(0.5), 9.82, "test")
 
 
-def word(name, value, start, status=BELIEVED, index=0, revision=0):
-    kind = COMMON[name]
-    raw = kind.code(value)
-    return ReceivedWord(
-        *(start, start + 5.0, 3, index, "toolface", name, kind.unit, raw, kind.value(raw), 0.99),
-        *(kind.sigma_of(), status, (), revision),
-    )
+def word(name, value, start_s, **fields):
+    return received(name, value, start_s=start_s, **{"kind": "toolface", "revision": 0, **fields})
+
+
+def with_toolface(**fields):
+    """Return a link that received a toolface of 90 deg at 100 s."""
+    attitude = LinkAttitude(RULES)
+    attitude.take(word("aTFA", 90.0, 100.0, **fields))
+    return attitude
 
 
 def sample(attitude, now, reference=None):
@@ -36,8 +38,7 @@ def degrees(row, name):
 
 
 def test_the_sigma_of_a_toolface_grows_with_its_age_until_it_is_withheld():
-    attitude = LinkAttitude(RULES)
-    attitude.take(word("aTFA", 90.0, 100.0))
+    attitude = with_toolface()
     sigmas = [degrees(sample(attitude, now), "gravity_toolface")[1] for now in (100.0, 120.0, 159.0)]
     step = 360.0 / 64
     assert sigmas[0] == pytest.approx(math.hypot(step / math.sqrt(12.0), 2.0), rel=1e-6)
@@ -57,8 +58,7 @@ def test_the_age_counts_from_the_tool_not_from_the_arrival():
 
 
 def test_while_the_string_turns_there_is_no_toolface():
-    attitude = LinkAttitude(RULES)
-    attitude.take(word("aTFA", 90.0, 100.0))
+    attitude = with_toolface()
     attitude.rotating = True
     row = sample(attitude, 101.0)
     assert np.isnan(row["sigma_gravity_toolface"]).all()
@@ -66,11 +66,9 @@ def test_while_the_string_turns_there_is_no_toolface():
 
 
 def test_an_erased_word_is_not_used_and_takes_its_provisional_one_back():
-    attitude = LinkAttitude(RULES)
-    attitude.take(word("aTFA", 90.0, 100.0, ERASED))
-    assert math.isnan(attitude.toolface_age(101.0))
-    attitude.take(word("aTFA", 90.0, 100.0))
-    attitude.take(word("aTFA", 90.0, 100.0, ERASED, revision=1))
+    assert math.isnan(with_toolface(status=ERASED).toolface_age(101.0))
+    attitude = with_toolface()
+    attitude.take(word("aTFA", 90.0, 100.0, status=ERASED, revision=1))
     assert math.isnan(attitude.toolface_age(101.0))
 
 
@@ -111,8 +109,7 @@ def test_a_string_that_slides_along_follows_the_top_drive_over_a_length_of_hole(
 
 
 def test_the_best_of_two_links_is_the_surer_one_of_each_angle():
-    coarse, fine = LinkAttitude(RULES), LinkAttitude(RULES)
-    coarse.take(word("aTFA", 90.0, 100.0))
+    coarse, fine = with_toolface(), LinkAttitude(RULES)
     coarse.take(word("RINC", 31.0, 100.0))
     fine.take(word("aTFA", 95.0, 60.0))
     rows = [one.sample(110.0, 0, None) for one in (coarse, fine)]

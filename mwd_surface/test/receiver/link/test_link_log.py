@@ -3,6 +3,7 @@
 
 import math
 
+import example_words
 import numpy as np
 import pytest
 
@@ -14,7 +15,7 @@ from mwd_sensors.telemetry import meanings, tool_configuration
 from mwd_sensors.telemetry.log_channels import FROM_WORD
 from mwd_surface.receiver.link.link_log import log_samples, survey_samples
 from mwd_surface.receiver.link.link_survey import HeardSurvey, SurveyTime
-from mwd_surface.receiver.words import BELIEVED, ERASED, LinkValue, ReceivedWord
+from mwd_surface.receiver.words import ERASED, LinkValue
 
 TOOL = tool_configuration.from_mapping(
     {
@@ -69,26 +70,9 @@ def sent_words(seconds=60):
     return sent
 
 
-def received(one, index=0, status=BELIEVED, kind="toolface", revision=1):
-    word = TOOL.table[one.name]
-    start = (one.start_ns - T0) / S
-    value, sigma = word.value(one.raw, one.bits), word.sigma_of(one.bits)
-    return ReceivedWord(
-        start,
-        start + 1.0,
-        one.frame,
-        index,
-        kind,
-        one.name,
-        word.unit,
-        one.raw,
-        value,
-        1.0,
-        sigma,
-        status,
-        (),
-        revision,
-    )
+def received(one, **fields):
+    given = {"kind": "toolface", "frame": one.frame, "start_s": (one.start_ns - T0) / S, **fields}
+    return example_words.received(one.name, raw=one.raw, bits=one.bits, table=TOOL.table, **given)
 
 
 def samples(words):

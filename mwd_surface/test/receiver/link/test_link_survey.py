@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from example_words import received
 
 from consistency import assert_consistent
 from mwd_estimation.core import magnetic_geometry
@@ -16,30 +17,21 @@ from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core import frames
 from mwd_sensors.telemetry import meanings
-from mwd_sensors.telemetry.words import COMMON
 from mwd_surface.receiver.link.link_survey import SurveyTime, survey
-from mwd_surface.receiver.words import BELIEVED, ERASED, LinkValue, ReceivedWord, believed
+from mwd_surface.receiver.words import BELIEVED, ERASED, LinkValue, believed
 from mwd_surface.surveys.survey_record import checked_survey
 
 REFERENCE = Reference(50e-6, math.radians(70.0), math.radians(2.0), math.radians(0.5), 9.82, "test")
 AT = SurveyTime(1_700_000_000_000_000_000, 30.0)
 
 
-def word(name, value, status=BELIEVED, start=0.0):
-    kind = COMMON[name]
-    raw = kind.code(value)
-    return ReceivedWord(
-        start, start + 5.0, 0, 0, "survey", name, kind.unit, raw, kind.value(raw), 0.999, kind.sigma_of(), status, ()
-    )
-
-
 def words(inc=40.0, azm=100.0, g=9.82 / 9.80665, b=50.0, dip=70.0, **status):
     given = {"Inc": inc, "Azm": azm, "Grav": g, "MagF": b, "DipA": dip}
-    return [word(name, value, status.get(name, BELIEVED)) for name, value in given.items()]
+    return [received(name, value, status=status.get(name, BELIEVED)) for name, value in given.items()]
 
 
-def made(received, reference=REFERENCE, **quality):
-    return survey(believed(received), AT, 1, "mud_pulse", reference, quality=QualitySettings(**quality))
+def made(sent, reference=REFERENCE, **quality):
+    return survey(believed(sent), AT, 1, "mud_pulse", reference, quality=QualitySettings(**quality))
 
 
 def test_a_sound_survey_is_accepted_with_angles_from_grid_north():
@@ -102,8 +94,7 @@ def test_the_same_words_have_the_same_identity_and_others_another():
 
 
 def test_the_sigma_of_the_tool_takes_the_place_of_the_tool_codes():
-    sent = [*words(), word("sInc", 0.5), word("sAzm", 2.0)]
-    found = made(sent)
+    found = made([*words(), received("sInc", 0.5), received("sAzm", 2.0)])
     assert math.degrees(found.sigma_inclination) == pytest.approx(0.5, rel=0.3)
     assert math.degrees(found.sigma_azimuth) == pytest.approx(2.0, rel=0.3)
 
@@ -134,5 +125,5 @@ def test_sigma_of_inclination_and_azimuth_is_within_its_chi_square_band(inc):
 
 
 def test_an_erased_word_is_left_out():
-    assert meanings.B_TOTAL not in believed([word("MagF", 48.0, ERASED)])
-    assert isinstance(believed([word("Inc", 3.0)])[meanings.INCLINATION], LinkValue)
+    assert meanings.B_TOTAL not in believed([received("MagF", 48.0, status=ERASED)])
+    assert isinstance(believed([received("Inc", 3.0)])[meanings.INCLINATION], LinkValue)

@@ -26,6 +26,9 @@ TRUE = {
 }
 
 
+NO_AZIMUTH = {"without": (meanings.AZIMUTH,)}
+
+
 def heard(link, at_s, half_s=20.0, without=(), bits=12, confidence=0.999, **changed):
     """Words of the true values plus what is changed, with the resolution of the words' bits (a turn, 2 g, 100 uT)."""
     ranges = {meanings.G_TOTAL: 20.0, meanings.B_TOTAL: 1e-4}
@@ -55,7 +58,7 @@ def test_a_survey_over_two_links_is_one_and_the_first_is_not_waited_for():
 
 def test_a_word_that_one_link_lost_is_taken_from_the_other_and_both_are_named():
     (first, second), _ = surveys_of(
-        (100.0, heard("em", 50.0, without=(meanings.AZIMUTH,))), (180.0, heard("mud_pulse", 56.0, bits=10))
+        (100.0, heard("em", 50.0, **NO_AZIMUTH)), (180.0, heard("mud_pulse", 56.0, bits=10))
     )
     assert first == []
     (survey,) = second
@@ -66,7 +69,7 @@ def test_a_word_that_one_link_lost_is_taken_from_the_other_and_both_are_named():
 
 
 def test_a_survey_that_lacks_a_word_is_given_once_the_other_link_had_its_time():
-    (first,), one_list = surveys_of((100.0, heard("em", 50.0, without=(meanings.AZIMUTH,))))
+    (first,), one_list = surveys_of((100.0, heard("em", 50.0, **NO_AZIMUTH)))
     assert first == []
     assert one_list.advance(START + 120 * SECOND) == []
     (survey,) = one_list.advance(START + 600 * SECOND)
@@ -83,46 +86,62 @@ def test_of_two_words_that_differ_the_surer_one_counts():
     assert second[0].inclination == pytest.approx(TRUE[meanings.INCLINATION], abs=1e-3)
 
 
-def test_one_link_gives_each_survey_at_once_and_a_repeated_one_once():
-    (first, again, complete, other), _ = surveys_of(
-        (100.0, heard("mud_pulse", 50.0, without=(meanings.AZIMUTH,))),
-        (400.0, heard("mud_pulse", 50.0, without=(meanings.AZIMUTH,))),
-        (700.0, heard("mud_pulse", 50.0)),
-        (1000.0, heard("mud_pulse", 950.0, inclination=0.02)),
-        tools=(MUD,),
-    )
-    assert [len(one) for one in (first, again, complete, other)] == [1, 0, 1, 1]
+FIRST = (100.0, heard("mud_pulse", 50.0), 1)
+# A receiver that was started while the tool sent its survey does not know the rest before it.
+LATE = (100.0, heard("mud_pulse", 70.0, half_s=math.inf), 1)
+# Tools; for each pass when it was heard, its words, and how many surveys it adds to the list.
+STORIES = {
+    "one link repeats a survey": [
+        (MUD,),
+        (100.0, heard("mud_pulse", 50.0, **NO_AZIMUTH), 1),
+        (400.0, heard("mud_pulse", 50.0, **NO_AZIMUTH), 0),
+        (700.0, heard("mud_pulse", 50.0), 1),
+        (1000.0, heard("mud_pulse", 950.0, inclination=0.02), 1),
+    ],
+    # In a straight hole.
+    "next rest, same codes": [(MUD,), FIRST, (400.0, heard("mud_pulse", 350.0), 1)],
+    "next rest, same codes over another link": [(MUD, EM), FIRST, (400.0, heard("em", 350.0), 1)],
+    "next rest, one code differs": [(MUD,), FIRST, (400.0, heard("mud_pulse", 350.0, inclination=math.tau / 2**12), 1)],
+    "rests too short for a survey": [
+        (MUD,),
+        FIRST,
+        (400.0, heard("mud_pulse", 350.0, half_s=2.0), 0),
+        (700.0, heard("mud_pulse", 650.0, half_s=2.0, inclination=0.02), 1),
+    ],
+    "a rest after one that was not seen": [(MUD,), LATE, (400.0, heard("mud_pulse", 350.0), 1)],
+    "a rest that was not seen is known over another link": [(MUD, EM), LATE, (400.0, heard("em", 60.0), 0)],
+    "a long connection is not the rest before it": [
+        (MUD, EM),
+        (100.0, heard("em", 50.0), 1),
+        (2600.0, heard("mud_pulse", 350.0, half_s=900.0, inclination=0.02), 1),
+    ],
+    "rests not seen: values that agree are one survey": [
+        (MUD, EM),
+        (100.0, heard("em", 90.0, half_s=math.inf), 1),
+        (180.0, heard("mud_pulse", 50.0, half_s=math.inf, bits=11), 0),
+        (300.0, heard("em", 290.0, half_s=math.inf, magnetic_azimuth=0.01), 1),
+    ],
+}
 
 
-@pytest.mark.parametrize("link", ["mud_pulse", "em"])
-def test_a_survey_of_the_next_rest_with_the_same_codes_is_another_one(link):
-    """In a straight hole; over another link too, where that of one was lost."""
-    tools = (MUD,) if link == "mud_pulse" else (MUD, EM)
-    (first, second), _ = surveys_of((100.0, heard("mud_pulse", 50.0)), (400.0, heard(link, 350.0)), tools=tools)
-    assert [len(first), len(second)] == [1, 1]
+@pytest.mark.parametrize("story", STORIES)
+def test_each_survey_is_listed_once_by_its_rest_and_its_codes(story):
+    tools, *passes = STORIES[story]
+    given, _ = surveys_of(*((at, words) for at, words, _ in passes), tools=tools)
+    assert [len(surveys) for surveys in given] == [count for *_, count in passes]
 
 
 def test_the_azimuth_of_the_next_rest_does_not_complete_a_survey():
     (first, second), _ = surveys_of(
-        (100.0, heard("mud_pulse", 50.0, without=(meanings.AZIMUTH,))), (400.0, heard("mud_pulse", 350.0)), tools=(MUD,)
+        (100.0, heard("mud_pulse", 50.0, **NO_AZIMUTH)), (400.0, heard("mud_pulse", 350.0)), tools=(MUD,)
     )
     assert [first[0].azimuth_method, second[0].azimuth_method] == ["", "link"]
     assert [first[0].sequence, second[0].sequence] == [1, 2]
 
 
-def test_a_rest_too_short_for_a_survey_makes_the_same_codes_a_repeat_and_others_a_survey():
-    (first, again, other), _ = surveys_of(
-        (100.0, heard("mud_pulse", 50.0)),
-        (400.0, heard("mud_pulse", 350.0, half_s=2.0)),
-        (700.0, heard("mud_pulse", 650.0, half_s=2.0, inclination=0.02)),
-        tools=(MUD,),
-    )
-    assert [len(one) for one in (first, again, other)] == [1, 0, 1]
-
-
 def test_what_a_repeat_after_a_short_rest_completes_keeps_its_time():
     (first, completed), _ = surveys_of(
-        (100.0, heard("mud_pulse", 50.0, without=(meanings.AZIMUTH,))),
+        (100.0, heard("mud_pulse", 50.0, **NO_AZIMUTH)),
         (400.0, heard("mud_pulse", 350.0, half_s=2.0)),
         tools=(MUD,),
     )
@@ -130,47 +149,11 @@ def test_what_a_repeat_after_a_short_rest_completes_keeps_its_time():
     assert completed[0].stamp_ns == first[0].stamp_ns
 
 
-@pytest.mark.parametrize(("at_s", "listed"), [(60.0, 0), (350.0, 1)])
-def test_a_rest_after_a_survey_whose_rest_was_not_seen_is_another_one(at_s, listed):
-    """A receiver that was started while the tool sent its survey: over a second link the rest before it is known."""
-    tools = (MUD, EM) if not listed else (MUD,)
-    link = "em" if not listed else "mud_pulse"
-    (first, second), _ = surveys_of(
-        (100.0, heard("mud_pulse", 70.0, half_s=math.inf)), (400.0, heard(link, at_s)), tools=tools
-    )
-    assert [len(first), len(second)] == [1, listed]
-
-
-def test_a_long_connection_is_not_the_rest_before_it():
-    (first, second), _ = surveys_of(
-        (100.0, heard("em", 50.0)), (2600.0, heard("mud_pulse", 350.0, half_s=900.0, inclination=0.02))
-    )
-    assert [len(first), len(second)] == [1, 1]
-
-
-def test_a_survey_of_the_next_rest_that_differs_by_one_code_is_another_one():
-    (first, second), _ = surveys_of(
-        (100.0, heard("mud_pulse", 50.0)),
-        (400.0, heard("mud_pulse", 350.0, inclination=math.tau / 2**12)),
-        tools=(MUD,),
-    )
-    assert [len(first), len(second)] == [1, 1]
-
-
 def test_totals_alone_do_not_give_a_survey_the_azimuth_of_the_next_station():
     (first, second), _ = surveys_of(
-        (100.0, heard("mud_pulse", 50.0, without=(meanings.AZIMUTH,))),
+        (100.0, heard("mud_pulse", 50.0, **NO_AZIMUTH)),
         (400.0, heard("mud_pulse", 350.0, without=(meanings.INCLINATION,), magnetic_azimuth=0.1)),
         tools=(MUD,),
     )
     assert [len(first), len(second)] == [1, 0]
     assert first[0].azimuth_method == ""
-
-
-def test_surveys_whose_time_is_not_known_are_one_where_their_values_agree():
-    (first, second, third), _ = surveys_of(
-        (100.0, heard("em", 90.0, half_s=math.inf)),
-        (180.0, heard("mud_pulse", 50.0, half_s=math.inf, bits=11)),
-        (300.0, heard("em", 290.0, half_s=math.inf, magnetic_azimuth=0.01)),
-    )
-    assert [len(one) for one in (first, second, third)] == [1, 0, 1]

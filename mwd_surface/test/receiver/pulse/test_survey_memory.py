@@ -5,13 +5,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+from example_words import received
 from link_runs import TOOLS, pairs, white
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY as G
 from mwd_sensors.simulator.pulse_tool import SentTransmission, transmit
 from mwd_surface.receiver.pulse.pulse_receiver import decode
 from mwd_surface.receiver.pulse.survey_memory import SurveyMemory
-from mwd_surface.receiver.words import BELIEVED, BY_CONSISTENCY, ERASED, ReceivedWord
+from mwd_surface.receiver.words import BELIEVED, BY_CONSISTENCY, ERASED
 
 TOOL = TOOLS["0.5"]
 ITEMS = TOOL.surveys[0]
@@ -31,24 +32,9 @@ def survey(codes=CODES, confidence=0.999, wrong=(), frame=0):
     for k, (item, code) in enumerate(zip(ITEMS, codes, strict=True)):
         raw, other = (code ^ 1, code) if k in wrong else (code, code ^ 1)
         sure = 0.6 if k in wrong else confidence
-        word = TOOL.table[item.name]
-        words.append(
-            ReceivedWord(
-                float(k),
-                k + 1.0,
-                frame,
-                k,
-                "survey",
-                item.name,
-                word.unit,
-                raw,
-                word.value(raw, item.bits),
-                sure,
-                word.sigma_of(item.bits),
-                BELIEVED if sure >= 0.99 else ERASED,
-                ((other, 0.99 * (1.0 - sure)),),
-            )
-        )
+        doubt = {"status": BELIEVED if sure >= 0.99 else ERASED, "alternatives": ((other, 0.99 * (1.0 - sure)),)}
+        place = {"start_s": float(k), "end_s": k + 1.0, "frame": frame, "index": k}
+        words.append(received(item.name, raw=raw, table=TOOL.table, bits=item.bits, confidence=sure, **doubt, **place))
     return words
 
 
@@ -144,14 +130,8 @@ def test_the_unit_of_a_word_changes_no_choice(name, unit, factor):
             words = survey(frame=frame)
             row = one.table[name]
             doubt = (BELIEVED, ()) if confidence > 0.99 else (ERASED, ((CODES[k] + 1000, 0.09),))
-            words[k] = dataclasses.replace(
-                words[k],
-                unit=row.unit,
-                value=row.value(CODES[k], ITEMS[k].bits),
-                confidence=confidence,
-                status=doubt[0],
-                alternatives=doubt[1],
-            )
+            value = {"unit": row.unit, "value": row.value(CODES[k], ITEMS[k].bits), "confidence": confidence}
+            words[k] = dataclasses.replace(words[k], **value, status=doubt[0], alternatives=doubt[1])
             words[0] = dataclasses.replace(words[0], raw=CODES[0] + 5 * frame)
             words[1] = dataclasses.replace(words[1], raw=CODES[1] + 5 * frame)
             found = memory.settle(words)[k]

@@ -21,22 +21,33 @@ def data(edges, seed=1, size=4.0, n=900):
     return pressure
 
 
+def searched(pressure, known=None, until=550, **more):
+    known = np.ones(len(pressure)) if known is None else known
+    return search(pressure, known, ToolConfiguration(), 300, until, **more)
+
+
+def assert_at(found, at=400, within=4):
+    assert found is not None
+    assert abs(found.at - at) <= within
+
+
+SENT = [400 + 4 * edge for edge in EDGES]
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_sync_is_found_through_an_unknown_channel(sign):
-    found = search(sign * data([400 + 4 * e for e in EDGES]), np.ones(900), ToolConfiguration(), 300, 550)
-    assert found is not None
-    assert abs(found.at - 400) <= 4
+    found = searched(sign * data(SENT))
+    assert_at(found)
     assert found.score > 8.0
 
 
 @pytest.mark.parametrize("edges", [(), (0,), (0, 5, 15)])
 def test_noise_and_other_pulses_are_no_sync(edges):
-    pressure = data([400 + 4 * e for e in edges])
-    assert search(pressure, np.ones(900), ToolConfiguration(), 300, 550) is None
+    assert searched(data([400 + 4 * e for e in edges])) is None
 
 
 def test_a_gauge_that_stands_has_no_sync():
-    assert search(np.full(900, 2.0e7), np.ones(900), ToolConfiguration(), 300, 550) is None
+    assert searched(np.full(900, 2.0e7)) is None
 
 
 def test_weak_syncs_are_found_and_noise_is_not():
@@ -45,54 +56,42 @@ def test_weak_syncs_are_found_and_noise_is_not():
     Noise passes with a probability below exp(-8) at each place; words behind it decide, so a few in 10 000 are no harm.
     """
     passed = 0
-    size = np.sqrt(50.0 / (5 * 8) * 2.0)
-    tool, edges = ToolConfiguration(), [400 + 4 * e for e in EDGES]
-    pulse = np.ones(8)
     for seed in range(40):
         noise = np.random.default_rng(seed).normal(size=900)
-        passed += search(noise, np.ones(900), tool, 300, 550) is not None
-        for edge in edges:
-            noise[edge : edge + 8] += size * pulse
-        found = search(noise, np.ones(900), tool, 300, 550)
-        assert found is not None
-        assert abs(found.at - 400) <= 6
+        passed += searched(noise) is not None
+        for edge in SENT:
+            noise[edge : edge + 8] += np.sqrt(50.0 / (5 * 8) * 2.0)
+        assert_at(searched(noise), within=6)
     assert passed <= 3
 
 
 @pytest.mark.parametrize("pulse", range(5))
 def test_a_stall_on_one_pulse_of_a_sync_hides_no_sync(pulse):
-    edges = [400 + 4 * e for e in EDGES]
-    pressure = data(edges, size=3.0)
-    begin = edges[pulse] - 4
+    pressure = data(SENT, size=3.0)
+    begin = SENT[pulse] - 4
     pressure[begin : begin + 24] += 60.0 * np.sin(np.linspace(0.0, np.pi, 24))
-    found = search(pressure, np.ones(900), ToolConfiguration(), 300, 550)
-    assert found is not None
-    assert abs(found.at - 400) <= 4
+    assert_at(searched(pressure))
+
+
+def starting(size):
+    """Return the pressure of pumps that start at sample 20."""
+    return size * (1.0 - np.exp(-np.maximum(np.arange(900) - 20.0, 0.0) / 8.0))
 
 
 def test_pumps_that_start_spoil_no_search_whose_noise_is_known():
     """Lines of the pumps are averaged over what comes after their start, also behind a sync that was none."""
-    tool, known, rising = ToolConfiguration(), np.ones(900), np.arange(900)
-    pressure = data([500 + 4 * e for e in EDGES]) + 20.0 * np.cos(1.79 * rising)
-    whitener = search(pressure, known, tool, 300, 620).whitener
-    pressure += 5000.0 * (1.0 - np.exp(-np.maximum(rising - 20.0, 0.0) / 8.0))
-    found = search(pressure, known, tool, 300, 620, whitener)
-    assert found is not None
-    assert abs(found.at - 500) <= 4
+    pressure = data([500 + 4 * e for e in EDGES]) + 20.0 * np.cos(1.79 * np.arange(900))
+    whitener = searched(pressure, until=620).whitener
+    assert_at(searched(pressure + starting(5000.0), until=620, whitener=whitener), 500)
 
 
 @pytest.mark.parametrize("size", [150.0, 5000.0])
 def test_pumps_that_start_shortly_before_hide_no_sync(size):
-    pressure = data([400 + 4 * e for e in EDGES], size=2.0)
-    pressure += size * (1.0 - np.exp(-np.maximum(np.arange(900) - 20.0, 0.0) / 8.0))
-    found = search(pressure, np.ones(900), ToolConfiguration(), 300, 550)
-    assert found is not None
-    assert abs(found.at - 400) <= 4
+    assert_at(searched(data(SENT, size=2.0) + starting(size)))
 
 
 def test_no_second_place_is_found_where_the_best_is_no_sync(monkeypatch):
     """Of the places whose pulses are unlike each other, none is passed over for the next best one."""
-    pressure = data([400 + 4 * e for e in EDGES])
     places = []
 
     def alike(whitened, weight, response, edges, at):
@@ -100,7 +99,7 @@ def test_no_second_place_is_found_where_the_best_is_no_sync(monkeypatch):
         return len(places) > 1
 
     monkeypatch.setattr(synchronisation, "_alike", alike)
-    assert search(pressure, np.ones(900), ToolConfiguration(), 300, 550) is None
+    assert searched(data(SENT)) is None
     assert places == [pytest.approx(400, abs=4)]
 
 
@@ -108,7 +107,7 @@ def test_no_second_place_is_found_where_the_best_is_no_sync(monkeypatch):
 def test_one_pulse_beside_a_data_gap_is_no_sync(edge, hidden):
     known = np.ones(900)
     known[hidden] = 0.0
-    found = [search(data([edge], seed, 6.0), known, ToolConfiguration(), 300, 550) for seed in range(20)]
+    found = [searched(data([edge], seed, 6.0), known) for seed in range(20)]
     assert found.count(None) >= 19
 
 
