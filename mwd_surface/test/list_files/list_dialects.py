@@ -11,6 +11,7 @@ import openpyxl
 from mwd_sensors.core import minimum_curvature as mc
 
 FEET = {"m": 1.0, "ft": 0.3048, "usft": 1200.0 / 3937.0}
+SYMBOLS = {"m": "m", "ft": "ft", "usft": "ftUS"}
 NAMES = {
     "english": ("Measured Depth", "Inclination", "Azimuth", "TVD", "+N/-S", "+E/-W"),
     "short": ("MD", "INC", "AZI", "TVD", "NS", "EW"),
@@ -95,17 +96,21 @@ def text(stations, dialect):
     return (dialect.newline.join(lines) + dialect.newline).encode(dialect.encoding)
 
 
+def angles(stations, dialect):
+    """Rows of depth in the unit of the dialect, and inclination and azimuth in degrees."""
+    md, inc, azi = stations
+    return np.column_stack([np.asarray(md) / FEET[dialect.unit], np.degrees(inc), np.degrees(azi)]).tolist()
+
+
 def spreadsheet(stations, dialect):
     """The list as bytes of an .xlsx file, numbers as numbers, with a title above and an empty first column."""
-    md, inc, azi = stations
-    factor = FEET[dialect.unit]
     book = openpyxl.Workbook()
     sheet = book.active
     sheet.append(["", "Survey listing"])
     sheet.append([])
     sheet.append(["", *header(dialect)[:3]])
-    for row in np.column_stack([np.asarray(md) / factor, np.degrees(inc), np.degrees(azi)]):
-        sheet.append([None, *map(float, row)])
+    for row in angles(stations, dialect):
+        sheet.append([None, *row])
     sheet.append([None, "End of listing"])
     out = io.BytesIO()
     book.save(out)
@@ -114,9 +119,7 @@ def spreadsheet(stations, dialect):
 
 def las(stations, dialect, version=2):
     """The list as LAS 2.0, or as the section ~Inclinometry of LAS 3.0."""
-    md, inc, azi = stations
-    rows = np.column_stack([np.asarray(md) / FEET[dialect.unit], np.degrees(inc), np.degrees(azi)])
-    unit = {"m": "M", "ft": "FT", "usft": "FTUS"}[dialect.unit]
+    rows, unit = angles(stations, dialect), SYMBOLS[dialect.unit].upper()
     names = f" MD.{unit} : Measured depth {{F}}\n DEVI.DEG : Deviation {{F}}\n AZIM.DEG : Azimuth {{F}}\n"
     start = f"~Version\n VERS. {version}.0 :\n WRAP. NO :\n"
     if version == 2:
@@ -132,8 +135,7 @@ def las(stations, dialect, version=2):
 
 def witsml(stations, dialect, version="1.4.1.1"):
     """The list as a WITSML trajectory of a version."""
-    md, inc, azi = stations
-    unit = {"m": "m", "ft": "ft", "usft": "ftUS"}[dialect.unit]
+    unit = SYMBOLS[dialect.unit]
     spaces = {
         "1.3.1.1": "http://www.witsml.org/schemas/131",
         "1.4.1.1": "http://www.witsml.org/schemas/1series",
@@ -144,7 +146,7 @@ def witsml(stations, dialect, version="1.4.1.1"):
     tags = ("md", "incl", "azi", "trajectoryStation") if old else ("MD", "Incl", "Azi", "TrajectoryStation")
     degree = "dega" if old else "deg"
     rows = ""
-    for m, i, a in zip(np.asarray(md) / FEET[dialect.unit], np.degrees(inc), np.degrees(azi), strict=True):
+    for m, i, a in angles(stations, dialect):
         depth = f'<{tags[0]} uom="{unit}">{m:.6f}</{tags[0]}>'
         if version == "2.1":
             depth = f'<MD><MeasuredDepth uom="{unit}">{m:.6f}</MeasuredDepth></MD>'
@@ -166,11 +168,9 @@ def witsml(stations, dialect, version="1.4.1.1"):
 
 def p7(stations, dialect):
     """The list as IOGP P7/17."""
-    md, inc, azi = stations
-    unit = {"m": "m", "ft": "ft", "usft": "ftUS"}[dialect.unit]
+    unit = SYMBOLS[dialect.unit]
     rows = "".join(
-        f"P7,0,1,1,,,,D,1,Surveyed,{m:.6f},{i:.6f},{a:.6f},,,,,,,,\n"
-        for m, i, a in zip(np.asarray(md) / FEET[dialect.unit], np.degrees(inc), np.degrees(azi), strict=True)
+        f"P7,0,1,1,,,,D,1,Surveyed,{m:.6f},{i:.6f},{a:.6f},,,,,,,,\n" for m, i, a in angles(stations, dialect)
     )
     return (
         "IOGP,Example,7,1.0,1,2026:03:01,12:00:00,example.p717,us\n"

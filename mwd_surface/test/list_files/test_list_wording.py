@@ -47,13 +47,9 @@ def assert_read(stations):
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_the_columns_of_a_list_are_read_in_many_languages(language):
+def test_the_columns_of_a_list_are_read_in_many_languages_and_its_vertical_depths_checked(language):
     first = LANGUAGES[language].rsplit(";", 1)[0]
     assert_read(read(f"{first}\n{rows()}"))
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_a_vertical_depth_in_another_language_is_checked_against_the_angles(language):
     wrong = "".join(f"{line};{10.0 * k:.2f}\n" for k, line in enumerate(rows().splitlines()))
     with pytest.raises(ListFileError, match="does not fit the angles"):
         read(f"{LANGUAGES[language]}\n{wrong}")
@@ -84,6 +80,10 @@ def test_russian_lists_are_read_in_every_usual_encoding(encoding):
         ("Направление севера: истинный", "true"),
         ("北参考: 真北", "true"),
         ("方位角类型: 网格方位", "grid"),
+        # The north behind "to" is the north of a sentence.
+        ("Azimuths corrected from magnetic to true north", "true"),
+        ("All azimuths in this report are referenced to Grid North (UTM 31N); declination -1.2 deg.", "grid"),
+        ("azimuths to True North unless stated otherwise", "true"),
     ],
 )
 @pytest.mark.parametrize("mark", ["", "# "])
@@ -160,12 +160,8 @@ def test_decimal_commas_that_part_columns_are_refused(digits):
 
 
 def test_names_in_several_lines_of_a_quoted_cell_are_read():
-    assert_read(
-        read(
-            '"Measured\nDepth\n(m)","Incl-\nination\n(deg)"'.replace("Incl-\nination", "Inc")
-            + f',"Azimuth\nfrom grid\n(deg)"\n{rows(",", ".")}'
-        )
-    )
+    names = '"Measured\nDepth\n(m)","Inc\n(deg)","Azimuth\nfrom grid\n(deg)"'
+    assert_read(read(f"{names}\n{rows(',', '.')}"))
 
 
 def test_grads_are_gon_where_no_name_is_german():
@@ -241,18 +237,6 @@ def test_an_angle_that_may_be_another_is_never_taken_for_an_inclination(name):
 
 
 ROWS = "md_m,inc,azi\n0,0,0\n300,0,0\n330,3,79\n360,6,79\n"
-
-
-@pytest.mark.parametrize(
-    ("line", "north"),
-    [
-        ("Azimuths corrected from magnetic to true north", "true"),
-        ("All azimuths in this report are referenced to Grid North (UTM 31N); declination -1.2 deg.", "grid"),
-        ("azimuths to True North unless stated otherwise", "true"),
-    ],
-)
-def test_the_north_behind_to_is_the_north_of_a_sentence(line, north):
-    assert list_of(f"{line}\n{ROWS}".encode()).north == north
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from mwd_surface.live.well_clock import WellClock
 from mwd_surface.page.state_json import StateJson
 
 NEAR = "wells: [{name: A-3, file: beside.csv, north_m: -20.0}]"
+FAR = NEAR.replace("-20.0", "-2000.0")
 
 
 class Worker:
@@ -35,7 +36,6 @@ class Worker:
 def folder(tmp_path):
     rows = "\n".join(f"{30 * k},{max(0.0, 4.0 * (k - 11))},79" for k in range(30))
     (tmp_path / "beside.csv").write_text(f"md_m,inc_deg,azi_grid_deg\n{rows}\n")
-    (tmp_path / "wells.yaml").write_text(NEAR)
     return tmp_path
 
 
@@ -48,10 +48,18 @@ def monitor():
     return ClearanceMonitor(context, SimpleNamespace(plan=None)), context
 
 
-def test_a_well_too_near_stops_drilling_and_stands_on_the_page(folder):
+def compared(folder, wells=NEAR, beside=str):
+    """A monitor that has compared, its alarms and its context; `beside` changes the list of the offset well."""
+    (folder / "wells.yaml").write_text(wells)
+    (folder / "beside.csv").write_text(beside((folder / "beside.csv").read_text()))
     watched, context = monitor()
     watched.update(surveys(folder), 642.5)
-    alarm = active(context.alarm_log)["clearance.separation"]
+    return watched, active(context.alarm_log), context
+
+
+def test_a_well_too_near_stops_drilling_and_stands_on_the_page(folder):
+    _, alarms, context = compared(folder)
+    alarm = alarms["clearance.separation"]
     assert alarm.severity == Severity.CRITICAL
     assert "A-3 is " in alarm.text
     assert "stop drilling" in alarm.remedy
@@ -62,9 +70,8 @@ def test_a_well_too_near_stops_drilling_and_stands_on_the_page(folder):
 
 @pytest.mark.slow
 def test_the_alarm_goes_with_its_cause(folder):
-    watched, context = monitor()
-    watched.update(surveys(folder), 642.5)
-    (folder / "wells.yaml").write_text(NEAR.replace("-20.0", "-2000.0"))
+    watched, _, context = compared(folder)
+    (folder / "wells.yaml").write_text(FAR)
     watched.update(surveys(folder), 642.5)
     assert active(context.alarm_log) == {}
     watched.update(example.surveys(), 642.5)
@@ -73,6 +80,7 @@ def test_the_alarm_goes_with_its_cause(folder):
 
 @pytest.mark.slow
 def test_wells_are_compared_again_when_the_bit_has_moved_or_the_list_changed(folder):
+    (folder / "wells.yaml").write_text(NEAR)
     watched, context = monitor()
     same = surveys(folder)
     for depth in (642.5, 642.9, 648.0, 648.5):
@@ -86,10 +94,8 @@ def test_wells_are_compared_again_when_the_bit_has_moved_or_the_list_changed(fol
 
 
 def test_a_file_that_cannot_be_used_is_an_alarm(folder):
-    watched, context = monitor()
-    (folder / "wells.yaml").write_text("wells: [{name: A-3, file: lost.csv, north_m: 5.0}]")
-    watched.update(surveys(folder), 642.5)
-    alarm = active(context.alarm_log)["clearance.wells"]
+    watched, alarms, context = compared(folder, NEAR.replace("beside", "lost"))
+    alarm = alarms["clearance.wells"]
     assert alarm.severity == Severity.WARNING
     assert "lost.csv" in alarm.text
     (folder / "wells.yaml").unlink()
@@ -98,23 +104,17 @@ def test_a_file_that_cannot_be_used_is_an_alarm(folder):
 
 
 def test_an_assumption_is_a_remark_of_the_page_and_no_alarm(folder):
-    watched, context = monitor()
-    beside = folder / "beside.csv"
-    beside.write_text(beside.read_text().replace("azi_grid_deg", "azi_deg"))
-    (folder / "wells.yaml").write_text(NEAR.replace("-20.0", "-2000.0"))
-    watched.update(surveys(folder), 642.5)
-    assert active(context.alarm_log) == {}
+    _, alarms, context = compared(folder, FAR, lambda text: text.replace("azi_grid_deg", "azi_deg"))
+    assert alarms == {}
     table = StateJson().snapshot(context.live.at(1.0))["sections"]["clearance"]
     assert any("north of its azimuths" in text for text in table["remarks"])
 
 
 def test_a_hole_that_was_not_compared_is_an_alarm(folder):
-    watched, context = monitor()
-    beside = folder / "beside.csv"
-    lines = beside.read_text().splitlines()
-    rows = "\n".join(f"{line},{270 + 30 * k},0,0" for k, line in enumerate(lines[11:14]))
-    beside.write_text(f"{lines[0]},tvd_m,ns_m,ew_m\n{rows}\n")
-    (folder / "wells.yaml").write_text(NEAR.replace("-20.0", "-2000.0"))
-    watched.update(surveys(folder), 642.5)
-    alarm = active(context.alarm_log)["clearance.wells"]
-    assert "not compared" in alarm.text
+    def deep(text):
+        lines = text.splitlines()
+        rows = "\n".join(f"{line},{270 + 30 * k},0,0" for k, line in enumerate(lines[11:14]))
+        return f"{lines[0]},tvd_m,ns_m,ew_m\n{rows}\n"
+
+    _, alarms, _ = compared(folder, FAR, deep)
+    assert "not compared" in alarms["clearance.wells"].text

@@ -30,9 +30,9 @@ def monitor(link="direct"):
     return DiagnosticsMonitor(context, "/w/surface", link), fields, progress
 
 
-def said(name, **values):
+def said(name, node="estimator", level=DiagnosticStatus.OK, **values):
     pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
-    status = DiagnosticStatus(name=f"/w/estimator: {name}", hardware_id="/w", message="said", values=pairs)
+    status = DiagnosticStatus(name=f"/w/{node}: {name}", hardware_id="/w", level=level, message="said", values=pairs)
     return DiagnosticArray(status=[status])
 
 
@@ -60,9 +60,7 @@ def test_the_end_of_a_simulation_lasts_until_its_node_begins_anew():
     found._alarm_log = SimpleNamespace(log_event=lambda *_: None)
 
     def scenario(node, *values):
-        pairs = [KeyValue(key=key, value=value) for key, value in values]
-        status = DiagnosticStatus(name=f"/w/{node}: scenario", hardware_id="/w", message="said", values=pairs)
-        found.on_diagnostics(DiagnosticArray(status=[status]))
+        found.on_diagnostics(said("scenario", node, **dict(values)))
 
     scenario("sonde", ("imu/data_raw", "3"))
     assert found.over_at is None
@@ -90,9 +88,6 @@ def test_a_link_raises_one_alarm_here_or_where_the_surface_follows_it(followed, 
     found, _, _ = monitor(followed)
     found._alarm_log = SimpleNamespace(set_alarms=lambda _prefix, causes: raised.update(causes))
     for name in ("link", "link em", "link mud_pulse", "serial line"):
-        status = DiagnosticStatus(
-            name=f"/w/receiver: {name}", hardware_id="/w", level=DiagnosticStatus.ERROR, message="no"
-        )
-        found.on_diagnostics(DiagnosticArray(status=[status]))
+        found.on_diagnostics(said(name, "receiver", DiagnosticStatus.ERROR))
         found.update(found._clock.now)
     assert set(raised) == {f"node.w/receiver.{name}" for name in {*alarming, "serial line"}}

@@ -31,8 +31,3 @@ def test_every_stream_has_its_period_and_every_period_its_stream():
 def test_what_is_not_allowed_is_refused_with_its_reason(given, message):
     with pytest.raises(SettingsError, match=message):
         from_mapping(LiveSettings, given)
-
-
-def test_groups_are_given_as_tables():
-    settings = from_mapping(LiveSettings, {"limits": {"dip_deg": 0.3}})
-    assert settings.limits.dip_deg == 0.3

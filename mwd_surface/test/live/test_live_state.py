@@ -112,19 +112,6 @@ def test_the_advisory_knows_inside_and_outside_across_north_and_says_nothing_whe
     assert state.at(0.0).toolface.advisory is None
 
 
-def test_links_give_the_rate_of_whole_seconds_and_refuse_unknown_streams():
-    state = LiveState()
-    for k in range(60):
-        state.on_stream("sonde", 10, 100.0 + k * 0.1)
-    link = state.streams(106.0)["sonde"]
-    assert link.rate == pytest.approx(100.0)
-    assert link.state == "live"
-    assert state.streams(120.0)["sonde"].rate == 0.0
-    assert state.streams(120.0)["rig"].state == "no data"
-    with pytest.raises(ValueError, match="'sonda' is not one of sonde"):
-        state.on_stream("sonda", 1, 0.0)
-
-
 def test_the_history_is_bounded_and_has_no_value_for_a_silent_second():
     state = LiveState(LiveSettings(history_seconds=30.0))
     g = wire.GRAVITY.empty(1)
@@ -137,12 +124,6 @@ def test_the_history_is_bounded_and_has_no_value_for_a_silent_second():
     column = history.columns.index("vibration")
     assert len(history.rows) == 30
     assert [row[column] for row in history.rows].count(None) == 1
-
-
-def test_a_clock_that_steps_back_gives_no_negative_age():
-    state = LiveState()
-    state.on_attitude(attitude(), 100.0)
-    assert state.at(99.0).attitude.inclination.age == 0.0
 
 
 def test_the_worst_of_a_block_is_charted_and_its_last_is_shown():

@@ -33,14 +33,18 @@ def message(at_s=50.0, **more):
     return dataclasses.replace(sample, **more).to_message(lambda _, fields: SimpleNamespace(**fields))
 
 
+def monitored(*source, journal=None):
+    """A monitor of a well with a bit that stands at 1000 m; its alarms, its live state and its book."""
+    alarms, live, book = AlarmLog(lambda: 1), LiveState(), SimpleNamespace(logs=DepthLog(), health=HealthLedger())
+    book.journal = journal
+    for at in range(101):
+        book.logs.add_depth(T0 + at * S, 1000.0)
+    return LogMonitor(SimpleNamespace(live=live, alarm_log=alarms), book, *source), alarms, live, book
+
+
 @pytest.mark.parametrize("offset", [math.inf, -math.inf, -1e9, 1e9])
 def test_a_sensor_that_cannot_be_there_raises_an_alarm_that_ends_and_the_log_goes_on(offset):
-    alarms, live, logs = AlarmLog(lambda: 1), LiveState(), DepthLog()
-    monitor = LogMonitor(
-        SimpleNamespace(live=live, alarm_log=alarms), SimpleNamespace(logs=logs, health=HealthLedger(), journal=None)
-    )
-    for at in range(101):
-        logs.add_depth(T0 + at * S, 1000.0)
+    monitor, alarms, live, _ = monitored()
     monitor.on_sample(message(sensor_to_bit=offset))
     monitor.update(1.0)
     (text,) = (alarm.text for alarm in active(alarms).values())
@@ -65,22 +69,16 @@ def test_a_sensor_that_cannot_be_there_raises_an_alarm_that_ends_and_the_log_goe
     ],
 )
 def test_a_surface_of_one_link_uses_no_sample_of_another(source, link, used):
-    logs, health = DepthLog(), HealthLedger()
-    book = SimpleNamespace(logs=logs, health=health, journal=None)
-    monitor = LogMonitor(SimpleNamespace(live=LiveState(), alarm_log=AlarmLog(lambda: 1)), book, source)
-    for at in range(101):
-        logs.add_depth(T0 + at * S, 1000.0)
+    monitor, _, _, book = monitored(source)
     monitor.on_sample(message(link=link))
     monitor.update(1.0)
-    assert (logs.channels == ("gamma",)) is used
-    assert (health.health().stamp_ns > 0) is used
+    assert (book.logs.channels == ("gamma",)) is used
+    assert (book.health.health().stamp_ns > 0) is used
 
 
 def test_a_full_disk_raises_one_alarm_while_the_rig_data_go_on_and_ends_with_its_cause(tmp_path):
-    alarms, logs, health = AlarmLog(lambda: 1), DepthLog(), HealthLedger()
     journal = LogJournal(tmp_path / "surveys" / "journal")
-    book = SimpleNamespace(logs=logs, health=health, journal=journal)
-    monitor = LogMonitor(SimpleNamespace(live=LiveState(), alarm_log=alarms), book)
+    monitor, alarms, _, book = monitored(journal=journal)
     rig = wire.RIG_STATE.empty(1)
     rig["valid"] = wire.RIG_VALID["flow_rate"]
     # A disk that refuses each line, and a folder that is gone.
@@ -93,7 +91,7 @@ def test_a_full_disk_raises_one_alarm_while_the_rig_data_go_on_and_ends_with_its
         monitor.on_sample(message(second))
         monitor.update(float(second))
         assert [alarm.id for alarm in active(alarms).values()] == ["log.journal"]
-    assert health.health().stamp_ns > T0
+    assert book.health.health().stamp_ns > T0
     (tmp_path / "away").rename(tmp_path / "surveys")
     for second in range(40, 80):
         rig["stamp_ns"] = T0 + second * S

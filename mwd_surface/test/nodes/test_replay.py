@@ -112,7 +112,6 @@ def graph(monkeypatch):
 
 
 @pytest.mark.ros
-@pytest.mark.slow
 def test_every_message_comes_in_order_at_the_pace_asked_for(graph, tmp_path):
     listener, play = graph
     imu = recording(tmp_path / "bag")
@@ -136,7 +135,6 @@ def test_every_message_comes_in_order_at_the_pace_asked_for(graph, tmp_path):
 
 
 @pytest.mark.ros
-@pytest.mark.slow
 def test_a_part_of_the_time_and_one_topic_can_be_chosen(graph, tmp_path):
     listener, play = graph
     recording(tmp_path / "bag")
@@ -152,7 +150,6 @@ def test_a_part_of_the_time_and_one_topic_can_be_chosen(graph, tmp_path):
 
 
 @pytest.mark.ros
-@pytest.mark.slow
 def test_a_loop_begins_again_until_it_is_interrupted(graph, tmp_path):
     listener, play = graph
     imu = recording(tmp_path / "bag", seconds=0.5)
@@ -168,7 +165,6 @@ def test_a_loop_begins_again_until_it_is_interrupted(graph, tmp_path):
 
 
 @pytest.mark.ros
-@pytest.mark.slow
 def test_a_topic_that_was_recorded_with_another_definition_of_its_type_is_not_published(graph, tmp_path):
     listener, play = graph
     imu, survey = wire.IMU.empty(100), "mwd_msgs/msg/Survey"
@@ -192,7 +188,6 @@ def test_a_topic_that_was_recorded_with_another_definition_of_its_type_is_not_pu
 
 @pytest.mark.fault_case(46)
 @pytest.mark.ros
-@pytest.mark.slow
 def test_a_replay_stands_still_steps_seeks_and_changes_its_pace(graph, tmp_path):
     listener, play = graph
     imu = recording(tmp_path / "bag", seconds=60.0)
@@ -263,7 +258,6 @@ rclpy.spin(node)
 
 
 @pytest.mark.ros
-@pytest.mark.slow
 def test_a_replay_that_ends_waits_for_a_subscriber_without_processor_time(graph, tmp_path):
     """The subscriber stops at its first message: more is unacknowledged than the depth of the recorded profile."""
     _, play = graph

@@ -92,6 +92,8 @@ def test_a_client_gets_the_bytes_the_stamp_and_the_schema_of_a_recording(server)
 
     client = watched(server, script)
     assert client.info["name"] == "/w1"
+    # The time of the wall is not told.
+    assert "time" not in client.info["capabilities"]
     channel = client.channels["/w1/imu/temperature"]
     assert (channel["encoding"], channel["schemaName"], channel["schemaEncoding"]) == ("cdr", TEMPERATURE, "ros2msg")
     assert channel["schema"] == installed().definition(TEMPERATURE).text
@@ -134,13 +136,6 @@ def test_clients_are_told_a_time_that_is_not_the_wall_s():
 
     assert set(watched(simulated, script).times) == {5_000_000_000}
     simulated.stop()
-
-
-def test_the_time_of_the_wall_is_not_told(server):
-    async def script(client):
-        assert "time" not in client.info["capabilities"]
-
-    watched(server, script)
 
 
 def test_one_who_comes_late_gets_the_last_of_a_latched_topic(server):

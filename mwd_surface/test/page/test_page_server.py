@@ -77,6 +77,47 @@ def watch(server, talk, **options):
     return asyncio.run(main())
 
 
+def connected(server, receive_buffer=None, seconds=30.0):
+    """A bare connection to the server."""
+    place, connection = urlsplit(server.address), socket.socket()
+    if receive_buffer is not None:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+    connection.settimeout(seconds)
+    connection.connect((place.hostname, place.port))
+    return connection
+
+
+def raw_watcher(server, **options):
+    """A connection that has asked for the live state, and speaks no protocol from then on."""
+    watcher = connected(server, **options)
+    watcher.sendall(
+        b"GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    )
+    until(lambda: server.clients == 1)
+    return watcher
+
+
+@contextlib.contextmanager
+def commanded(**settings):
+    """A server with a token, and the list of the commands that reach its node."""
+    calls = []
+
+    def on_command(*command):
+        calls.append(command)
+        return True, "done"
+
+    with running(on_command, token=TOKEN, **settings) as server:
+        yield server, calls
+
+
+@pytest.fixture(scope="module")
+def served():
+    """One commanded server for the requests that it refuses."""
+    with commanded() as made:
+        yield made
+
+
 async def sections_until(ws, name):
     while True:
         message = json.loads((await ws.receive()).data)
@@ -116,14 +157,8 @@ def test_state_json_is_the_last_state_and_says_so_while_there_is_none():
         full = json.loads(ask(server, "/state.json")[1])
         assert full["sections"]["attitude"]["inclination"]["value"] == 0.7
         assert full["sections"]["attitude"]["inclination"]["age"] == 0.5
-        assert full["server"] == {
-            "controls": False,
-            "exports": [],
-            "clients": 0,
-            "skipped": 0,
-            "ready": True,
-            "time_zone": "",
-        }
+        facts = {"controls": False, "exports": [], "clients": 0, "skipped": 0, "ready": True, "time_zone": ""}
+        assert full["server"] == facts
 
 
 def test_what_the_server_says_of_a_state_is_said_with_that_state():
@@ -244,15 +279,7 @@ def test_a_watcher_that_reads_nothing_is_dropped_without_memory_growing_or_other
     big = {"x" * 50: ["y" * 1000] * 400}
     with running(send_timeout=0.3) as server:
         server.push({"now": 0.0, "sections": {"a": big}, "revisions": {"a": 0}})
-        place = urlsplit(server.address)
-        lazy = socket.socket()
-        lazy.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        lazy.connect((place.hostname, place.port))
-        lazy.sendall(
-            f"GET /live HTTP/1.1\r\nHost: {place.netloc}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-            "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n".encode()
-        )
-        until(lambda: server.clients == 1)
+        lazy = raw_watcher(server, receive_buffer=4096)
         revision = 0
 
         def gone():
@@ -280,13 +307,7 @@ _ENDLESS = {
 def test_a_watcher_that_sends_frames_without_end_is_cut(kind):
     first, then = _ENDLESS[kind]
     with running() as server:
-        place = urlsplit(server.address)
-        with socket.create_connection((place.hostname, place.port), 30.0) as endless:
-            endless.sendall(
-                f"GET /live HTTP/1.1\r\nHost: {place.netloc}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-                "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n".encode()
-            )
-            until(lambda: server.clients == 1)
+        with raw_watcher(server) as endless:
 
             def send_on():
                 endless.sendall(first)
@@ -328,8 +349,7 @@ def test_a_watcher_that_talks_is_shown_out():
 @pytest.mark.fault_case(76)
 def test_half_open_connections_deny_nobody_the_page():
     with running(max_per_peer=6, max_connections=8, request_timeout=30.0) as server:
-        place = urlsplit(server.address)
-        crowd = [socket.create_connection((place.hostname, place.port)) for _ in range(30)]
+        crowd = [connected(server) for _ in range(30)]
         # Their own request would be given up after 30 s, what is asked meanwhile after 20.
         assert [ask(server)[0] for _ in range(5)] == [200] * 5
         for s in crowd:
@@ -383,29 +403,11 @@ def test_a_watcher_that_reads_late_gets_the_newest_state_and_how_many_it_missed(
 
 @pytest.mark.fault_case(77)
 def test_a_request_that_never_ends_is_cut_while_others_are_served():
-    with running(request_timeout=0.3) as server:
-        place = urlsplit(server.address)
-        slow = socket.create_connection((place.hostname, place.port))
+    with running(request_timeout=0.3) as server, connected(server) as slow:
         slow.sendall(b"GET / HTTP/1.1\r\nHost: ")
         assert ask(server)[0] == 200
-        slow.settimeout(20.0)
         with contextlib.suppress(ConnectionResetError):
             assert slow.recv(10) == b""
-        slow.close()
-
-
-@pytest.mark.fault_case(77)
-def test_a_command_whose_body_never_ends_is_cut():
-    with running(lambda _n, _a: (True, ""), token=TOKEN, request_timeout=0.3) as server:
-        place = urlsplit(server.address)
-        slow = socket.create_connection((place.hostname, place.port))
-        slow.sendall(
-            f"POST /command/stop_recording HTTP/1.1\r\nHost: {place.netloc}\r\nAuthorization: Bearer {TOKEN}\r\n"
-            "Content-Type: application/json\r\nContent-Length: 50\r\n\r\n{".encode()
-        )
-        slow.settimeout(3.0)
-        assert slow.recv(12) == b"HTTP/1.1 408"
-        slow.close()
 
 
 @contextlib.contextmanager
@@ -419,16 +421,23 @@ def playing_a_recording(**settings):
         server.stop()
 
 
+def never_ends(server, path, head=""):
+    """Answer to a request whose body never ends."""
+    with connected(server) as slow:
+        slow.sendall(
+            f"POST {path} HTTP/1.1\r\nHost: localhost\r\n{head}"
+            "Content-Type: application/json\r\nContent-Length: 50\r\n\r\n{".encode()
+        )
+        return slow.recv(12)
+
+
 @pytest.mark.fault_case(77)
-def test_a_request_to_play_whose_body_never_ends_is_cut():
+def test_a_command_or_a_request_to_play_whose_body_never_ends_is_cut():
+    with commanded(request_timeout=0.3) as (server, calls):
+        assert never_ends(server, "/command/stop_recording", f"Authorization: Bearer {TOKEN}\r\n") == b"HTTP/1.1 408"
     with playing_a_recording(request_timeout=0.3) as (server, asked):
-        place = urlsplit(server.address)
-        with socket.create_connection((place.hostname, place.port)) as slow:
-            head = f"POST /replay HTTP/1.1\r\nHost: {place.netloc}\r\nContent-Type: application/json\r\n"
-            slow.sendall(f"{head}Content-Length: 50\r\n\r\n{{".encode())
-            slow.settimeout(30.0)
-            assert slow.recv(12) == b"HTTP/1.1 408"
-        assert asked == []
+        assert never_ends(server, "/replay") == b"HTTP/1.1 408"
+    assert calls == asked == []
 
 
 @pytest.mark.fault_case(79)
@@ -457,9 +466,8 @@ def test_a_malformed_request_to_play_is_refused_with_the_field(body, words):
 
 def test_requests_that_are_none_leave_no_line_in_the_log(caplog):
     with running() as server:
-        place = urlsplit(server.address)
         for junk in (b"GET / HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n", b"\x16\x03\x01\x02\x00\r\n\r\n"):
-            with socket.create_connection((place.hostname, place.port), 30.0) as connection:
+            with connected(server) as connection:
                 connection.sendall(junk)
                 assert connection.recv(12).startswith(b"HTTP/1.")
         assert ask(server)[0] == 200
@@ -470,9 +478,8 @@ def test_requests_that_are_none_leave_no_line_in_the_log(caplog):
 @pytest.mark.parametrize(
     "host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "[::1", "localhost.evil"]
 )
-def test_a_name_that_may_be_rebound_to_us_is_refused(host):
-    with running() as server:
-        assert ask(server, headers={"Host": host})[0] in (400, 421)
+def test_a_name_that_may_be_rebound_to_us_is_refused(served, host):
+    assert ask(served[0], headers={"Host": host})[0] in (400, 421)
 
 
 def test_addresses_localhost_and_configured_names_are_answered():
@@ -483,8 +490,7 @@ def test_addresses_localhost_and_configured_names_are_answered():
 
 @pytest.mark.fault_case(81)
 def test_another_site_can_neither_watch_nor_command():
-    calls = []
-    with running(lambda *a: (calls.append(a), (True, ""))[1], token=TOKEN) as server:
+    with commanded() as (server, calls):
         status, answer = order(server, "stop_recording", {}, Origin="http://evil.example")
         assert status == 403
         assert "other sites" in answer["message"]
@@ -504,11 +510,10 @@ def test_another_site_can_neither_watch_nor_command():
 @pytest.mark.parametrize(
     "path", ["/../page_server.py", "/%2e%2e/page_server.py", "/vendor/..%2f..%2fwell.py", "//etc/passwd"]
 )
-def test_nothing_outside_the_page_can_be_asked_for(path):
-    with running() as server:
-        status, body, _ = ask(server, path)
-        assert status == 404
-        assert b"import" not in body
+def test_nothing_outside_the_page_can_be_asked_for(served, path):
+    status, body, _ = ask(served[0], path)
+    assert status == 404
+    assert b"import" not in body
 
 
 def test_without_a_token_configured_every_command_is_refused():
@@ -520,17 +525,18 @@ def test_without_a_token_configured_every_command_is_refused():
 
 @pytest.mark.parametrize("token", ["", "wrong", TOKEN + "x", TOKEN[:-1]])
 def test_a_missing_or_wrong_token_is_refused(token):
-    calls = []
-    with running(lambda *a: (calls.append(a), (True, ""))[1], token=TOKEN) as server:
+    with commanded() as (server, calls):
         assert order(server, "stop_recording", {}, token=token)[0] == 401
         assert calls == []
 
 
-def test_a_command_with_the_token_reaches_the_node_and_its_answer_comes_back():
+def test_a_command_with_the_token_reaches_the_node_and_its_answer_or_error_comes_back():
     calls = []
 
     def act(name, arguments):
         calls.append((name, arguments))
+        if name == "reject_survey":
+            raise ValueError("survey 9 is not in the list")
         return (name != "take_survey", f"{name} done")
 
     with running(act, token=TOKEN) as server:
@@ -538,13 +544,6 @@ def test_a_command_with_the_token_reaches_the_node_and_its_answer_comes_back():
         assert order(server, "accept_survey", given_) == (200, {"ok": True, "message": "accept_survey done"})
         assert order(server, "take_survey", {}) == (409, {"ok": False, "message": "take_survey done"})
         assert calls == [("accept_survey", {**given_, "measured_depth": 1200.0}), ("take_survey", {})]
-
-
-def test_what_the_node_refuses_with_an_error_comes_back_as_its_sentence():
-    def act(_name, _arguments):
-        raise ValueError("survey 9 is not in the list")
-
-    with running(act, token=TOKEN) as server:
         status, answer = order(server, "reject_survey", {"sequence": 9, "operator_name": "B"})
         assert (status, answer["message"]) == (409, "survey 9 is not in the list")
 
@@ -585,13 +584,12 @@ def test_a_node_that_does_not_answer_gives_the_browser_a_sentence_and_blocks_nob
         ("start_recording", b"\xff\xfe", 400, "not JSON"),
     ],
 )
-def test_a_malformed_command_is_refused_with_the_field_and_never_reaches_the_node(name, body, status, words):
-    calls = []
-    with running(lambda *a: (calls.append(a), (True, ""))[1], token=TOKEN) as server:
-        got, answer = order(server, name, body)
-        assert got == status
-        assert words in answer["message"]
-        assert calls == []
+def test_a_malformed_command_is_refused_with_the_field_and_never_reaches_the_node(served, name, body, status, words):
+    server, calls = served
+    got, answer = order(server, name, body)
+    assert got == status
+    assert words in answer["message"]
+    assert calls == []
 
 
 @pytest.mark.parametrize("change", [1, -1])
@@ -619,11 +617,11 @@ def test_a_number_outside_the_range_of_its_field_is_refused(name, given):
     assert str(refused.value.text).startswith(list(given)[-1])
 
 
-def test_a_command_as_a_form_or_by_get_is_refused():
-    with running(lambda _n, _a: (True, ""), token=TOKEN) as server:
-        head = {"Content-Type": "text/plain"}
-        assert order(server, "stop_recording", "{}", **head)[0] == 415
-        assert ask(server, "/command/stop_recording")[0] == 405
+def test_a_command_as_a_form_or_by_get_is_refused(served):
+    server, calls = served
+    assert order(server, "stop_recording", "{}", **{"Content-Type": "text/plain"})[0] == 415
+    assert ask(server, "/command/stop_recording")[0] == 405
+    assert calls == []
 
 
 @pytest.mark.slow
@@ -653,19 +651,12 @@ def test_a_taken_port_is_named_and_the_first_page_lives_on():
         assert ask(server)[0] == 200
 
 
-def test_an_address_of_another_machine_is_named():
-    server = PageServer(PageSettings(host="203.0.113.9", port=0, allow_network=True))
-    with pytest.raises(OSError, match=r"203\.0\.113\.9 port 0 is not an address of this machine"):
-        server.start()
-
-
-def test_other_machines_are_let_in_only_where_that_was_set():
-    with pytest.raises(ValueError, match="can be reached from other machines; set allow_network"):
+def test_an_address_that_is_not_allowed_or_not_here_and_a_token_that_is_no_secret_are_refused():
+    with pytest.raises(ValueError, match="allow_network"):
         PageServer(PageSettings(host="0.0.0.0"))  # noqa: S104
     PageServer(PageSettings(host="0.0.0.0", allow_network=True))  # noqa: S104
-
-
-def test_a_token_that_is_no_secret_is_refused():
+    with pytest.raises(OSError, match=r"203\.0\.113\.9 port 0 is not an address of this machine"):
+        PageServer(PageSettings(host="203.0.113.9", port=0, allow_network=True)).start()
     with pytest.raises(ValueError, match="at least 8 characters"):
         PageServer(token="1234")  # noqa: S106
 
@@ -701,13 +692,12 @@ def test_an_address_that_guesses_has_to_wait():
 
 
 def test_a_token_of_any_bytes_is_refused_and_guessing_is_locked_out():
-    with running(lambda _n, _a: (True, ""), token=TOKEN) as server:
-        place = urlsplit(server.address)
+    with commanded() as (server, _):
         answers = []
         for _ in range(6):
-            with socket.create_connection((place.hostname, place.port), timeout=5) as raw:
+            with connected(server) as raw:
                 raw.sendall(
-                    b"POST /command/stop_recording HTTP/1.1\r\nHost: " + place.netloc.encode() + b"\r\n"
+                    b"POST /command/stop_recording HTTP/1.1\r\nHost: localhost\r\n"
                     b"Authorization: Bearer \xff\xc3\xa9\xed\xa0\x80\r\nContent-Type: application/json\r\n"
                     b"Content-Length: 2\r\n\r\n{}"
                 )
@@ -717,8 +707,7 @@ def test_a_token_of_any_bytes_is_refused_and_guessing_is_locked_out():
 
 @pytest.mark.parametrize(("name", "abort", "grant"), [("judge_control", 2, 0), ("decide_downlink", 3, 1)])
 def test_whoever_guesses_at_the_operator_s_address_does_not_lock_out_an_abort(name, abort, grant):
-    calls = []
-    with running(lambda *a: (calls.append(a), (True, "done"))[1], token=TOKEN) as server:
+    with commanded() as (server, calls):
         words = {"decision": abort, "operator_name": "Ann"}
         for k in range(7):
             assert order(server, name, words, token=f"guess {k}")[0] == (401 if k < 5 else 429)
@@ -796,11 +785,8 @@ def test_names_with_markup_travel_as_text():
 
 def test_garbage_instead_of_http_and_half_closed_sockets_do_no_harm():
     with running() as server:
-        place = urlsplit(server.address)
         for rubbish in (b"\x00" * 100, b"GET\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n", b"A" * 100_000):
-            s = socket.create_connection((place.hostname, place.port))
-            s.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-            with contextlib.suppress(OSError):
-                s.sendall(rubbish)
-            s.close()
+            with connected(server) as broken, contextlib.suppress(OSError):
+                broken.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                broken.sendall(rubbish)
         assert ask(server)[0] == 200

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from example_stations import DIP, B, G, listed, survey
+from example_stations import DIP, B, listed, survey
 from example_surveys import NO_AZIMUTH
 
 from mwd_estimation.core.north import North
@@ -70,28 +70,6 @@ def test_the_lights_follow_the_limits(off_nt, light):
     assert field["light"] == light
     assert field["deviation"] == pytest.approx(off_nt * 1e-9, abs=1e-12)
     assert field["limit"] == pytest.approx(300e-9)
-
-
-def test_the_lights_judge_the_field_without_the_interference_the_azimuth_was_corrected_for():
-    down = np.array([math.cos(0.5), 0.0, -math.sin(0.5)])
-    across = np.array([math.sin(0.5), 0.0, math.cos(0.5)])
-    earth = B * (math.sin(DIP) * down + math.cos(DIP) * across)
-    measured = earth + np.array([2e-6, 0.0, 0.0])
-    shot = survey(
-        1,
-        specific_force=tuple((-G * down).tolist()),
-        magnetic_field=tuple(measured.tolist()),
-        b_total=float(np.linalg.norm(measured)),
-        axial_interference=2e-6,
-        sigma_axial_interference=1e-7,
-        azimuth_method="fused",
-    )
-    _, field, dip = quality_lights(listed(shot).records[0], QualityLimits())["lights"]
-    assert (field["light"], field["corrected"], dip["light"]) == ("good", True, "good")
-    assert field["deviation"] == pytest.approx(0.0, abs=1e-12)
-    assert dip["deviation"] == pytest.approx(0.0, abs=1e-9)
-    (raw,) = listed(dataclasses.replace(shot, azimuth_method="raw")).records
-    assert quality_lights(raw, QualityLimits())["lights"][1]["light"] == "reject"
 
 
 def test_the_path_comes_with_its_projection_and_ellipses_of_ten_stations_at_most():

@@ -3,12 +3,9 @@
 
 import functools
 import struct
-import tempfile
 import xml.etree.ElementTree as ElementTree
-from pathlib import Path
 
 import numpy as np
-import plotted_bag
 import pytest
 
 from mwd_surface.bags.bag_reader import Bag
@@ -19,26 +16,24 @@ from mwd_surface.plots.traces import WHAT
 pytestmark = pytest.mark.slow
 
 
-@functools.cache
-def folder():
-    return tempfile.TemporaryDirectory(prefix="mwd_bag_plots_")
+@pytest.fixture(scope="module")
+def drawn(run):
+    """Makes the data and the picture of what is named, each once."""
 
+    @functools.cache
+    def draw(*what):
+        with Bag(run[0]) as bag:
+            data = gather(bag, what)
+        return data, bag_plots.figure(data, what)
 
-@functools.cache
-def drawn(*what):
-    path = Path(folder().name) / "run"
-    if not path.exists():
-        plotted_bag.record(path)
-    with Bag(path) as bag:
-        data = gather(bag, what)
-    return data, bag_plots.figure(data, what)
+    return draw
 
 
 def axes(picture, title):
     return next(ax for ax in picture.axes if title in ax.get_title(loc="left"))
 
 
-def test_a_png_has_the_size_of_its_figure_and_an_svg_is_one():
+def test_a_png_has_the_size_of_its_figure_and_an_svg_is_one(drawn):
     _, picture = drawn("sensors")
     png = bag_plots.image(picture, "png")
     assert png[:8] == b"\x89PNG\r\n\x1a\n"
@@ -51,13 +46,13 @@ def test_a_png_has_the_size_of_its_figure_and_an_svg_is_one():
         bag_plots.image(picture, "gif")
 
 
-def test_the_same_picture_gives_the_same_bytes():
+def test_the_same_picture_gives_the_same_bytes(drawn):
     _, picture = drawn("sensors")
     for kind in ("png", "svg"):
         assert bag_plots.image(picture, kind) == bag_plots.image(picture, kind)
 
 
-def test_every_sensor_has_its_panel_with_unit_title_and_legend():
+def test_every_sensor_has_its_panel_with_unit_title_and_legend(drawn):
     data, picture = drawn("sensors")
     assert len(picture.axes) == len(data.panels) == 6
     for panel, ax in zip(data.panels, picture.axes, strict=True):
@@ -69,7 +64,7 @@ def test_every_sensor_has_its_panel_with_unit_title_and_legend():
     assert axes(picture, "imu/data_raw: angular rate").lines[0].get_ydata().max() == pytest.approx(540.0, abs=15.0)
 
 
-def test_an_attitude_names_its_north_and_is_compared_with_the_truth():
+def test_an_attitude_names_its_north_and_is_compared_with_the_truth(drawn):
     _, picture = drawn("attitude")
     azimuth = axes(picture, "azimuth from true north")
     assert [line.get_label() for line in azimuth.lines] == ["estimate", "truth"]
@@ -80,7 +75,7 @@ def test_an_attitude_names_its_north_and_is_compared_with_the_truth():
     assert axes(picture, "1 sigma").get_yscale() == "log"
 
 
-def test_magnetic_azimuths_are_not_compared_with_the_true_one():
+def test_magnetic_azimuths_are_not_compared_with_the_true_one(drawn):
     data, _ = drawn("attitude")
     panel = next(panel for panel in data.panels if "attitude: azimuth" in panel.title)
     panel.north, before = 1, panel.north
@@ -89,14 +84,14 @@ def test_magnetic_azimuths_are_not_compared_with_the_true_one():
     assert [line.get_label() for line in axes(picture, "azimuth from magnetic north").lines] == ["estimate"]
 
 
-def test_depth_runs_down():
+def test_depth_runs_down(drawn):
     _, picture = drawn("rig", "truth")
     for title in ("depth along the hole", "depth of the sonde"):
         low, high = axes(picture, title).get_ylim()
         assert low > high
 
 
-def test_surveys_are_drawn_over_depth_by_their_verdict():
+def test_surveys_are_drawn_over_depth_by_their_verdict(drawn):
     data, picture = drawn("surveys")
     inclination = picture.axes[0]
     low, high = inclination.get_ylim()
@@ -108,7 +103,7 @@ def test_surveys_are_drawn_over_depth_by_their_verdict():
     assert picture.axes[1].get_xlabel() == "azimuth from magnetic north, deg (± 1 sigma)"
 
 
-def test_spectra_and_allan_plots_have_their_units_and_figures():
+def test_spectra_and_allan_plots_have_their_units_and_figures(drawn):
     data, picture = drawn("spectra", "allan")
     force = axes(picture, "imu/data_raw: specific force")
     assert force.get_ylabel() == "m/s²/√Hz"
@@ -121,7 +116,7 @@ def test_spectra_and_allan_plots_have_their_units_and_figures():
     assert len(data.allan) == 4
 
 
-def test_all_of_it_fits_one_picture_and_remarks_are_printed():
+def test_all_of_it_fits_one_picture_and_remarks_are_printed(drawn):
     data, picture = drawn(*WHAT)
     headings = {text.get_text() for text in picture.texts}
     assert {"Sensors", "Rig", "Truth of the simulator", "Attitude as estimated", "Surveys", "Spectra"} <= headings

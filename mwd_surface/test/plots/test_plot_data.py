@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is gathered for a picture: everything a bag has, in bounded memory, and a sentence where there is nothing."""
 
-import functools
-import tempfile
-from pathlib import Path
-
 import numpy as np
 import plotted_bag
 import pytest
@@ -18,25 +14,14 @@ from mwd_surface.plots.traces import WHAT
 from mwd_surface.processing.bag_input import InputSettings
 
 
-@functools.cache
-def folder():
-    return tempfile.TemporaryDirectory(prefix="mwd_plot_data_")
-
-
-@functools.cache
-def made():
-    path = Path(folder().name) / "run"
-    return path, plotted_bag.record(path)
-
-
 def gathered(path, *what, topics=(), bins=1600, **given):
     with Bag(path) as bag:
         return gather(bag, what, from_mapping(InputSettings, given), topics, bins)
 
 
 @pytest.mark.slow
-def test_everything_a_bag_has_is_found():
-    path, sonde = made()
+def test_everything_a_bag_has_is_found(run):
+    path, sonde = run
     data = gathered(path, *WHAT)
     titles = [panel.title for panel in data.panels]
     assert len(titles) == 6 + 4 + 9 + 4 + 2 + 1
@@ -55,8 +40,8 @@ def test_everything_a_bag_has_is_found():
     assert not data.remarks
 
 
-def test_envelopes_hold_the_extremes_of_the_samples():
-    path, sonde = made()
+def test_envelopes_hold_the_extremes_of_the_samples(run):
+    path, sonde = run
     panel = next(p for p in gathered(path, "sensors", bins=100).panels if p.title == "/w1/imu/data_raw: specific force")
     with Bag(path) as bag:
         force = np.concatenate(
@@ -69,8 +54,8 @@ def test_envelopes_hold_the_extremes_of_the_samples():
     assert panel.envelope.samples == len(force) == round(sonde.duration * 100)
 
 
-def test_the_allan_deviation_is_that_of_the_still_interval_and_shows_the_grade():
-    path, _ = made()
+def test_the_allan_deviation_is_that_of_the_still_interval_and_shows_the_grade(run):
+    path, _ = run
     gyro = next(item for item in gathered(path, "allan").allan if item.topic == "/w1/imu/data_raw")
     assert gyro.start_s < 1.0
     assert 12.5 < gyro.seconds < 15.5
@@ -79,8 +64,8 @@ def test_the_allan_deviation_is_that_of_the_still_interval_and_shows_the_grade()
     np.testing.assert_allclose(np.degrees(gyro.curve.deviation[0]) * 0.1, 0.007, rtol=0.1)
 
 
-def test_a_span_and_topics_can_be_chosen():
-    path, _ = made()
+def test_a_span_and_topics_can_be_chosen(run):
+    path, _ = run
     data = gathered(path, "sensors", start_s=5.0, end_s=8.0, topics=["w1/imu/mag"])
     assert [panel.title for panel in data.panels] == ["/w1/imu/mag: magnetic field"]
     assert data.seconds == pytest.approx(3.0)
@@ -96,8 +81,8 @@ def test_a_bag_without_magnetometer_truth_or_estimate_is_drawn_as_far_as_it_goes
     assert len(data.spectra) == len(data.allan) == 2
 
 
-def test_a_run_without_rest_says_so_instead_of_an_allan_plot():
-    path, _ = made()
+def test_a_run_without_rest_says_so_instead_of_an_allan_plot(run):
+    path, _ = run
     data = gathered(path, "sensors", "allan", start_s=17.0, end_s=25.0)
     assert not data.allan
     assert data.remarks[0] == "/w1/imu/data_raw has no still interval of 10 s for an Allan deviation"
@@ -113,8 +98,8 @@ def test_a_run_without_rest_says_so_instead_of_an_allan_plot():
         (("allan",), {"start_s": 17.0, "end_s": 25.0}, "no still interval"),
     ],
 )
-def test_what_cannot_be_drawn_is_reported(what, options, sentence):
-    path, _ = made()
+def test_what_cannot_be_drawn_is_reported(run, what, options, sentence):
+    path, _ = run
     with pytest.raises((ValueError, BagError), match=sentence):
         gathered(path, *what, **options)
 

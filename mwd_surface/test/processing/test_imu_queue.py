@@ -40,30 +40,27 @@ def test_without_smoothing_a_block_waits_for_the_next():
     assert len(rest.samples) == 20
 
 
+def _smoothed(imu, cuts):
+    """What a queue gives of samples that come in parts: all of it, and the samples and gravity of the whole."""
+    queue, out = ImuQueue(BoundedParams()), []
+    for part in np.split(imu, cuts):
+        out += queue.done()
+        queue.add(part, part["stamp_ns"] + 7)
+    assert queue.waiting
+    out += queue.finish()
+    return out, np.concatenate([one.samples for one in out]), np.concatenate([one.followed.g_t for one in out])
+
+
 def test_smoothed_samples_come_out_in_order_with_the_gravity_of_the_whole(monkeypatch):
     monkeypatch.setattr(smoother, "BLOCK", 800)
     monkeypatch.setattr(smoother, "AHEAD", 300)
     imu = _imu()
     whole = smoother.smooth(BoundedParams(), imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
-    queue, out = ImuQueue(BoundedParams()), []
-    for part in np.split(imu, [100, 150, 1700, 1701, 2500]):
-        out += queue.done()
-        queue.add(part, part["stamp_ns"] + 7)
-    assert queue.waiting
-    out += queue.finish()
-    assert np.concatenate([one.samples for one in out]).tobytes() == imu.tobytes()
+    out, samples, down = _smoothed(imu, [100, 150, 1700, 1701, 2500])
+    assert samples.tobytes() == imu.tobytes()
     assert np.concatenate([one.log_ns for one in out]).tolist() == (imu["stamp_ns"] + 7).tolist()
-    assert np.concatenate([one.followed.g_t for one in out]).tobytes() == whole.g_t.tobytes()
+    assert down.tobytes() == whole.g_t.tobytes()
     assert all(len(one.samples) == len(one.followed.g_t) for one in out)
-
-
-def _smoothed(imu, cuts):
-    queue, out = ImuQueue(BoundedParams()), []
-    for part in np.split(imu, cuts):
-        out += queue.done()
-        queue.add(part, part["stamp_ns"] + 7)
-    out += queue.finish()
-    return np.concatenate([one.samples for one in out]), np.concatenate([one.followed.g_t for one in out])
 
 
 @given(cuts=st.lists(st.integers(0, 700), max_size=8).map(sorted), silence_s=st.sampled_from([0, 30, 59, 61, 600]))
@@ -71,8 +68,8 @@ def _smoothed(imu, cuts):
 def test_where_a_recording_is_cut_into_blocks_and_how_long_they_are_changes_no_bit(cuts, silence_s):
     imu = _imu(700)
     imu["stamp_ns"][400:] += silence_s * 10**9
-    samples, down = _smoothed(imu, cuts)
-    whole, expected = _smoothed(imu, [])
+    _, samples, down = _smoothed(imu, cuts)
+    _, whole, expected = _smoothed(imu, [])
     assert samples.tobytes() == whole.tobytes() == imu.tobytes()
     assert down.tobytes() == expected.tobytes()
 
@@ -80,7 +77,5 @@ def test_where_a_recording_is_cut_into_blocks_and_how_long_they_are_changes_no_b
 def test_a_long_silence_begins_the_smoothing_anew():
     imu = _imu(700)
     imu["stamp_ns"][400:] += 61 * 10**9
-    _, down = _smoothed(imu, [])
-    _, first = _smoothed(imu[:400], [])
-    _, second = _smoothed(imu[400:], [])
+    down, first, second = (_smoothed(part, [])[2] for part in (imu, imu[:400], imu[400:]))
     assert down.tobytes() == first.tobytes() + second.tobytes()

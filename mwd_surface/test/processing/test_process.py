@@ -4,6 +4,7 @@
 import csv
 import functools
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -34,6 +35,18 @@ START = 1_772_344_800_000_000_000
 # With a tool that somebody has described: nothing is assumed.
 S3 = settings.changed(EstimatorSettings(), {"gravity.method": "s3", "tool.accelerometer.misalignment_mrad": 0.15})
 FIELD_N = np.array([2.6e-5, 0.0, 4.0e-5])
+TOTAL_NT, DIP_DEG = 1e9 * float(np.linalg.norm(FIELD_N)), math.degrees(math.atan2(FIELD_N[2], FIELD_N[0]))
+IMU, MAG, LAYOUTS = "/imu/data_raw", "/imu/mag", {"data_raw": wire.IMU, "mag": wire.MAG, "state": wire.RIG_STATE}
+
+
+def written(path, *streams, frames=(), **how):
+    """Write streams (topic, samples, times of the recording or None: the stamps) to a bag."""
+    with BagWriter(path, **how) as bag:
+        for k, (topic, rows, log_ns) in enumerate(streams):
+            layout = LAYOUTS[topic.rpartition("/")[2]]
+            data = layout.encode(rows, frames[k] if frames else "sonde_link")
+            bag.write_rows(bag.topic(topic, layout.type_name), data, rows["stamp_ns"] if log_ns is None else log_ns)
+    return path
 
 
 def recording(path, seconds=20.0, rate=100, namespace="/", mag_scale=1.0, accel_scale=1.0, with_mag=True, frames=None):
@@ -50,16 +63,10 @@ def recording(path, seconds=20.0, rate=100, namespace="/", mag_scale=1.0, accel_
     mag["magnetic_field"] = (FIELD_N @ turn + rng.normal(scale=2e-8, size=(n, 3))) * mag_scale
     rig["stamp_ns"] = START + np.arange(len(rig)) * 1_000_000_000
     rig["bit_depth"], rig["valid"] = 500.0, 1
+    streams = {"imu/data_raw": imu, "rig/state": rig} | ({"imu/mag": mag} if with_mag else {})
     frame_imu, frame_mag = frames or ("sonde_link", "sonde_link")
-    with BagWriter(path) as bag:
-        for name, layout, rows, frame in (
-            ("imu/data_raw", wire.IMU, imu, frame_imu),
-            ("imu/mag", wire.MAG, mag, frame_mag),
-            ("rig/state", wire.RIG_STATE, rig, "rig_floor"),
-        ):
-            if name != "imu/mag" or with_mag:
-                channel = bag.topic(namespace + name, layout.type_name)
-                bag.write_rows(channel, layout.encode(rows, frame), rows["stamp_ns"])
+    order = (frame_imu, "rig_floor", frame_mag)
+    written(path, *((namespace + name, rows, None) for name, rows in streams.items()), frames=order)
     return imu, mag
 
 
@@ -68,55 +75,62 @@ def run(bag, folder, estimator=S3, **given):
         return process.process(opened, folder, estimator, settings.from_mapping(InputSettings, given))
 
 
-def attitude(folder):
-    with (folder / "attitude.csv").open() as file:
+def table(path):
+    with path.open() as file:
         return list(csv.DictReader(file))
+
+
+def attitude(folder):
+    return table(folder / "attitude.csv")
+
+
+def surveys(folder):
+    return table(folder / "surveys.csv")
+
+
+def gravity(line):
+    return [float(line[f"gravity_{axis}"]) for axis in "xyz"]
+
+
+def left(folder):
+    return sorted(path.name for path in folder.iterdir())
 
 
 BESIDE = ("surveys.csv", "surveys.json", "faults.csv", "config.yaml", "input.yaml")
 
 
-def surveys(folder):
-    with (folder / "surveys.csv").open() as file:
-        return list(csv.DictReader(file))
+@pytest.fixture(scope="module")
+def still(tmp_path_factory):
+    """The recording of a still tool: its folder, in which `out` has its results, its samples and its summary."""
+    folder = tmp_path_factory.mktemp("still")
+    imu, mag = recording(folder / "bag")
+    return SimpleNamespace(folder=folder, imu=imu, mag=mag, summary=run(folder / "bag", folder / "out"))
 
 
-def test_one_line_for_every_imu_message_in_order(tmp_path):
-    imu, _ = recording(tmp_path / "bag")
-    summary = run(tmp_path / "bag", tmp_path / "out")
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        "attitude.csv",
-        "config.yaml",
-        "faults.csv",
-        "input.yaml",
-        "surveys.csv",
-        "surveys.json",
-    ]
-    assert (tmp_path / "out" / "attitude.csv").read_text().splitlines()[0] == (
+def test_one_line_for_every_imu_message_in_order(still):
+    assert left(still.folder / "out") == sorted(("attitude.csv", *BESIDE))
+    lines = attitude(still.folder / "out")
+    assert ",".join(lines[0]) == (
         "stamp_ns,inclination_deg,azimuth_deg,toolface_deg,sigma_inclination_deg,sigma_azimuth_deg,sigma_toolface_deg,"
         "gravity_x,gravity_y,gravity_z,status"
     )
-    lines = attitude(tmp_path / "out")
-    assert [int(line["stamp_ns"]) for line in lines] == imu["stamp_ns"].tolist()
-    assert summary.rows == len(imu)
+    assert [int(line["stamp_ns"]) for line in lines] == still.imu["stamp_ns"].tolist()
+    assert still.summary.rows == len(lines)
     last = lines[-1]
     assert float(last["inclination_deg"]) == pytest.approx(40.0, abs=0.1)
     assert float(last["azimuth_deg"]) == pytest.approx(70.0, abs=0.3)
     assert float(last["toolface_deg"]) == pytest.approx(120.0, abs=0.2)
-    down = [float(last[f"gravity_{axis}"]) for axis in "xyz"]
+    down = gravity(last)
     assert np.linalg.norm(down) == pytest.approx(1.0, abs=1e-8)
     assert down[0] == pytest.approx(math.cos(math.radians(40.0)), abs=2e-3)
     assert "still" in last["status"].split("|")
 
 
-def test_the_azimuth_is_empty_until_it_is_known_and_without_a_magnetometer(tmp_path):
-    recording(tmp_path / "bag", with_mag=False)
+def test_the_azimuth_is_empty_until_it_is_known_and_without_a_magnetometer(still, tmp_path):
+    recording(tmp_path / "bag", seconds=5.0, with_mag=False)
     run(tmp_path / "bag", tmp_path / "out")
-    assert {line["azimuth_deg"] for line in attitude(tmp_path / "out")} == {""}
-    assert {line["sigma_azimuth_deg"] for line in attitude(tmp_path / "out")} == {""}
-    recording(tmp_path / "bag_2")
-    run(tmp_path / "bag_2", tmp_path / "out_2")
-    assert attitude(tmp_path / "out_2")[0]["azimuth_deg"] == ""
+    assert {line[name] for line in attitude(tmp_path / "out") for name in ("azimuth_deg", "sigma_azimuth_deg")} == {""}
+    assert attitude(still.folder / "out")[0]["azimuth_deg"] == ""
 
 
 def test_the_lines_are_those_of_the_pipeline_fed_sample_by_sample(tmp_path):
@@ -146,15 +160,13 @@ def test_a_row_in_ten_may_be_enough_and_parquet_holds_the_same(tmp_path):
         assert row["inclination_deg"] == pytest.approx(float(line["inclination_deg"]), abs=1e-6)
 
 
-def test_estimates_merged_beside_the_messages_are_those_of_the_csv(tmp_path):
-    recording(tmp_path / "bag")
-    run(tmp_path / "bag", tmp_path / "out")
+def test_estimates_merged_beside_the_messages_are_those_of_the_csv(still, tmp_path):
     for _ in range(2):  # the second time over the first
-        with Bag(tmp_path / "bag") as bag:
+        with Bag(still.folder / "bag") as bag:
             wanted = OutputSettings(format="mcap")
             summary = process.process(bag, tmp_path / "merged", S3, InputSettings(start_s=2.0), wanted=wanted)
     assert summary.files == ["merged", *BESIDE]
-    run(tmp_path / "bag", tmp_path / "out", start_s=2.0)
+    run(still.folder / "bag", tmp_path / "out", start_s=2.0)
     lines = attitude(tmp_path / "out")
     with Bag(tmp_path / "merged" / "merged") as bag:
         samples = np.concatenate([block["/attitude"][1] for block in bag.blocks(["/attitude"])])
@@ -169,11 +181,10 @@ def test_estimates_merged_beside_the_messages_are_those_of_the_csv(tmp_path):
     assert float(lines[-1]["azimuth_deg"]) == pytest.approx(math.degrees(samples["azimuth"][-1]), abs=1e-6)
 
 
-def test_smoothed_gravity_is_closer_and_surveys_stay_the_same(tmp_path):
-    recording(tmp_path / "bag")
+def test_smoothed_gravity_is_closer_and_surveys_stay_the_same(still, tmp_path):
     estimator = EstimatorSettings()
-    run(tmp_path / "bag", tmp_path / "out", estimator)
-    with Bag(tmp_path / "bag") as bag:
+    run(still.folder / "bag", tmp_path / "out", estimator)
+    with Bag(still.folder / "bag") as bag:
         process.process(bag, tmp_path / "smooth", estimator, wanted=OutputSettings(smooth=True))
     ahead, both = attitude(tmp_path / "out"), attitude(tmp_path / "smooth")
     assert [line["stamp_ns"] for line in ahead] == [line["stamp_ns"] for line in both]
@@ -183,7 +194,7 @@ def test_smoothed_gravity_is_closer_and_surveys_stay_the_same(tmp_path):
     ]
     assert np.mean(error[1]) < np.mean(error[0])
     assert surveys(tmp_path / "out") == surveys(tmp_path / "smooth")
-    with Bag(tmp_path / "bag") as bag, pytest.raises(ValueError, match="only the method bounded"):
+    with Bag(still.folder / "bag") as bag, pytest.raises(ValueError, match="only the method bounded"):
         process.process(bag, tmp_path / "x", S3, wanted=OutputSettings(smooth=True))
 
 
@@ -211,20 +222,18 @@ def test_a_disk_that_fills_up_ends_the_run_and_leaves_nothing(tmp_path, monkeypa
     monkeypatch.setattr(attitude_csv.CsvLines, "__call__", full)
     with pytest.raises(OSError, match="No space left"):
         run(tmp_path / "bag", tmp_path / "out")
-    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+    assert left(tmp_path) == ["bag"]
 
 
-def test_a_still_interval_becomes_a_survey_with_its_depth(tmp_path):
-    recording(tmp_path / "bag")
+def test_a_still_interval_becomes_a_survey_with_its_depth(still, tmp_path):
     changes = {
         "place.field": "fixed",
-        "place.total_nt": np.linalg.norm(FIELD_N) * 1e9,
-        "place.dip_deg": math.degrees(math.atan2(4.0, 2.6)),
+        "place.total_nt": TOTAL_NT,
+        "place.dip_deg": DIP_DEG,
         "place.declination_deg": 5.0,
         "survey.north": "true",
     }
-    changes = {name: value if isinstance(value, str) else float(value) for name, value in changes.items()}
-    run(tmp_path / "bag", tmp_path / "out", settings.changed(S3, changes), sensor_to_bit_m=10.0)
+    run(still.folder / "bag", tmp_path / "out", settings.changed(S3, changes), sensor_to_bit_m=10.0)
     (line,) = surveys(tmp_path / "out")
     assert float(line["inclination_deg"]) == pytest.approx(40.0, abs=0.05)
     assert float(line["azimuth_deg"]) == pytest.approx(75.0, abs=0.2)
@@ -234,16 +243,8 @@ def test_a_still_interval_becomes_a_survey_with_its_depth(tmp_path):
 
 def test_the_survey_list_of_the_run_can_be_exported(tmp_path):
     recording(tmp_path / "bag", namespace="/pad/well_3/")
-    with_option = settings.changed(
-        S3,
-        {
-            "place.field": "fixed",
-            "place.total_nt": 47707.0,
-            "place.dip_deg": 56.98,
-            "survey.north": "magnetic",
-        },
-    )
-    run(tmp_path / "bag", tmp_path / "out", with_option)
+    place = {"place.field": "fixed", "place.total_nt": TOTAL_NT, "place.dip_deg": DIP_DEG, "survey.north": "magnetic"}
+    run(tmp_path / "bag", tmp_path / "out", settings.changed(S3, place))
     listed, notes = surveys_of(tmp_path / "out")
     assert notes == ()
     assert (listed.well.name, listed.well.north_reference) == ("pad/well_3", "magnetic")
@@ -256,25 +257,37 @@ def test_the_survey_list_of_the_run_can_be_exported(tmp_path):
     assert record.survey.uuid == line["uuid"]
 
 
-def test_the_configuration_written_gives_the_same_results_again(tmp_path):
-    recording(tmp_path / "bag")
+def test_the_configuration_written_gives_the_same_results_again(still, tmp_path):
     estimator = settings.changed(S3, {"survey.duration_s": 5.0, "attitude.vertical_deg": 2.0})
-    run(tmp_path / "bag", tmp_path / "out", estimator)
+    run(still.folder / "bag", tmp_path / "out", estimator)
     again = estimator_config(tmp_path / "out" / "config.yaml")
     assert again == estimator
-    run(tmp_path / "bag", tmp_path / "out_2", again)
+    run(still.folder / "bag", tmp_path / "out_2", again)
     for name in ("attitude.csv", "surveys.csv", "config.yaml"):
         assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "out_2" / name).read_bytes()
 
 
-@pytest.mark.parametrize("keep", [0.3, 0.7, 0.9999])
-def test_a_bag_that_was_cut_off_is_refused_and_leaves_nothing(tmp_path, keep):
+def cut_off(path, share):
+    file = next(path.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: round(file.stat().st_size * share)])
+
+
+def flip_a_bit(path):
+    file = next(path.glob("*.mcap"))
+    data = bytearray(file.read_bytes())
+    data[len(data) // 3] ^= 4
+    file.write_bytes(data)
+
+
+@pytest.mark.parametrize(
+    "damage", [flip_a_bit, *(functools.partial(cut_off, share=share) for share in (0.3, 0.7, 0.9999))]
+)
+def test_a_bag_that_was_damaged_or_cut_off_is_refused_and_leaves_nothing(tmp_path, damage):
     recording(tmp_path / "bag", seconds=5.0)
-    file = next((tmp_path / "bag").glob("*.mcap"))
-    file.write_bytes(file.read_bytes()[: round(file.stat().st_size * keep)])
-    with pytest.raises(BagError):
+    damage(tmp_path / "bag")
+    with pytest.raises(BagError, match="damaged"):
         run(tmp_path / "bag", tmp_path / "out")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
+    assert left(tmp_path) == ["bag"]
 
 
 def test_a_bag_that_is_being_recorded_is_refused_until_it_has_its_end(tmp_path):
@@ -285,7 +298,7 @@ def test_a_bag_that_is_being_recorded_is_refused_until_it_has_its_end(tmp_path):
     writer.write_rows(topic, wire.IMU.encode(imu, "x"), imu["stamp_ns"])
     with pytest.raises(BagError, match="is being recorded"):
         run(tmp_path / "bag", tmp_path / "out")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
+    assert left(tmp_path) == ["bag"]
     writer.close()
     assert run(tmp_path / "bag", tmp_path / "out").rows == 2000
 
@@ -301,46 +314,29 @@ def test_a_slow_stream_whose_time_went_back_to_its_begin_is_processed(tmp_path):
     imu = wire.IMU.empty(5)
     imu["stamp_ns"] = START + np.array([0, 2, 4, 6, 0]) * 1_000_000_000
     imu["linear_acceleration"][:, 0] = -9.81 + 1e-3 * np.arange(5)
-    with BagWriter(tmp_path / "bag") as writer:
-        topic = writer.topic("/imu/data_raw", wire.IMU.type_name)
-        writer.write_rows(topic, wire.IMU.encode(imu, "x"), START + np.arange(5) * 1_000_000_000)
-    summary = run(tmp_path / "bag", tmp_path / "out")
+    bag = written(tmp_path / "bag", (IMU, imu, START + np.arange(5) * 1_000_000_000))
+    summary = run(bag, tmp_path / "out")
     assert (summary.rows, summary.seconds) == (5, 0.0)
     assert not any("samples/s" in warning for warning in summary.warnings)
 
 
-def test_a_flipped_bit_is_refused_and_leaves_nothing(tmp_path):
-    recording(tmp_path / "bag", seconds=5.0)
-    file = next((tmp_path / "bag").glob("*.mcap"))
-    data = bytearray(file.read_bytes())
-    data[len(data) // 3] ^= 4
-    file.write_bytes(data)
-    with pytest.raises(BagError, match="damaged"):
-        run(tmp_path / "bag", tmp_path / "out")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
-
-
-def test_a_bag_that_was_cut_off_is_used_in_part_when_asked(tmp_path):
-    recording(tmp_path / "bag", seconds=60.0, rate=400)
-    file = next((tmp_path / "bag").glob("*.mcap"))
-    file.write_bytes(file.read_bytes()[: round(file.stat().st_size * 0.3)])
+def test_a_bag_that_was_cut_off_is_used_in_part_when_asked(still, tmp_path):
+    written(tmp_path / "bag", (IMU, still.imu, None), chunk_bytes=20_000)
+    cut_off(tmp_path / "bag", 0.3)
     summary = run(tmp_path / "bag", tmp_path / "out", partial=True)
-    assert 0 < summary.rows < 24_000
+    assert 0 < summary.rows < len(still.imu)
     assert any("interrupted" in warning for warning in summary.warnings)
 
 
 def test_a_bag_without_imu_is_refused(tmp_path):
     mag = wire.MAG.empty(10)
     mag["stamp_ns"] = START + np.arange(10)
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.write_rows(bag.topic("/imu/mag", wire.MAG.type_name), wire.MAG.encode(mag, "x"), mag["stamp_ns"])
-    with pytest.raises(BagError, match="no topic of sensor_msgs/msg/Imu"):
-        run(tmp_path / "bag", tmp_path / "out")
-    with BagWriter(tmp_path / "bag_2") as bag:
-        bag.topic("/imu/data_raw", wire.IMU.type_name)
-        bag.write_rows(bag.topic("/imu/mag", wire.MAG.type_name), wire.MAG.encode(mag, "x"), mag["stamp_ns"])
-    with pytest.raises(BagError, match="has no IMU sample"):
-        run(tmp_path / "bag_2", tmp_path / "out")
+    for name, streams, words in (
+        ("bag", [(MAG, mag, None)], "no topic of sensor_msgs/msg/Imu"),
+        ("bag_2", [(IMU, wire.IMU.empty(0), None), (MAG, mag, None)], "has no IMU sample"),
+    ):
+        with pytest.raises(BagError, match=words):
+            run(written(tmp_path / name, *streams), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -350,22 +346,27 @@ def test_a_start_beyond_the_end_of_a_bag_is_reported(tmp_path):
         run(tmp_path / "bag", tmp_path / "out", start_s=60.0)
 
 
-def test_a_field_in_another_unit_is_refused_until_its_unit_is_given(tmp_path):
-    recording(tmp_path / "bag", mag_scale=1e6)
-    with pytest.raises(ValueError, match=r"^/imu/mag: .* looks like uT; set the unit with --mag-unit uT$"):
+@pytest.mark.parametrize(
+    ("topic", "scale", "sensor", "unit", "name", "value"),
+    [
+        (MAG, 1e6, "mag", "uT", "azimuth_deg", pytest.approx(70.0, abs=0.3)),
+        (IMU, 1.0 / 9.80665, "accel", "g", "inclination_deg", pytest.approx(40.0, abs=0.1)),
+    ],
+)
+def test_a_sensor_in_another_unit_is_refused_until_its_unit_is_given(tmp_path, topic, scale, sensor, unit, name, value):
+    recording(tmp_path / "bag", seconds=10.0, **{f"{sensor}_scale": scale})
+    with pytest.raises(ValueError, match=rf"^{topic}: .* looks like {unit}; set the unit with --{sensor}-unit {unit}$"):
         run(tmp_path / "bag", tmp_path / "out")
-    summary = run(tmp_path / "bag", tmp_path / "out", mag_unit="uT")
-    assert not summary.warnings
-    assert float(attitude(tmp_path / "out")[-1]["azimuth_deg"]) == pytest.approx(70.0, abs=0.3)
+    assert left(tmp_path) == ["bag"]
+    assert not run(tmp_path / "bag", tmp_path / "out", **{f"{sensor}_unit": unit}).warnings
+    assert float(attitude(tmp_path / "out")[-1][name]) == value
 
 
 def test_a_magnetometer_that_speaks_late_is_checked_too(tmp_path):
     imu, mag = recording(tmp_path / "whole", seconds=10.0)
     late = mag[-300:]
     late["magnetic_field"] *= 1e9
-    with BagWriter(tmp_path / "bag", chunk_bytes=4096) as bag:
-        for name, layout, rows in (("/imu/data_raw", wire.IMU, imu), ("/imu/mag", wire.MAG, late)):
-            bag.write_rows(bag.topic(name, layout.type_name), layout.encode(rows, "x"), rows["stamp_ns"])
+    written(tmp_path / "bag", (IMU, imu, None), (MAG, late, None), chunk_bytes=4096)
     with pytest.raises(ValueError, match=r"looks like nT; set the unit with --mag-unit nT$"):
         run(tmp_path / "bag", tmp_path / "out")
 
@@ -383,24 +384,13 @@ def test_an_older_sqlite3_recording_gives_the_same_lines(tmp_path):
     assert (tmp_path / "out" / "attitude.csv").read_bytes() == (tmp_path / "out_2" / "attitude.csv").read_bytes()
 
 
-def test_a_force_in_g_is_refused_until_its_unit_is_given(tmp_path):
-    recording(tmp_path / "bag", accel_scale=1.0 / 9.80665)
-    with pytest.raises(ValueError, match=r"looks like g; set the unit with --accel-unit g"):
-        run(tmp_path / "bag", tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-    run(tmp_path / "bag", tmp_path / "out", accel_unit="g")
-    assert float(attitude(tmp_path / "out")[-1]["inclination_deg"]) == pytest.approx(40.0, abs=0.1)
-
-
 def test_samples_that_cannot_be_used_keep_their_line(tmp_path):
     imu, _ = recording(tmp_path / "whole", seconds=3.0)
     imu["linear_acceleration"][0] = math.nan
     imu["linear_acceleration"][100:103] = math.nan
     imu["stamp_ns"][150] = imu["stamp_ns"][149]
-    with BagWriter(tmp_path / "bag") as bag:
-        log_ns = START + np.arange(len(imu)) * 10_000_000
-        bag.write_rows(bag.topic("/imu/data_raw", wire.IMU.type_name), wire.IMU.encode(imu, "x"), log_ns)
-    summary = run(tmp_path / "bag", tmp_path / "out")
+    logged = START + np.arange(len(imu)) * 10_000_000
+    summary = run(written(tmp_path / "bag", (IMU, imu, logged)), tmp_path / "out")
     lines = attitude(tmp_path / "out")
     assert [int(line["stamp_ns"]) for line in lines] == imu["stamp_ns"].tolist()
     assert summary.rejected == 5
@@ -410,10 +400,8 @@ def test_samples_that_cannot_be_used_keep_their_line(tmp_path):
 
 
 @pytest.mark.fault_case(44)
-def test_headers_without_a_time_are_given_that_of_the_recording(tmp_path):
-    recording(tmp_path / "bag")
-    run(tmp_path / "bag", tmp_path / "out")
-    with Bag(tmp_path / "bag") as bag, BagWriter(tmp_path / "timeless") as copy:
+def test_headers_without_a_time_are_given_that_of_the_recording(still, tmp_path):
+    with Bag(still.folder / "bag") as bag, BagWriter(tmp_path / "timeless") as copy:
         for log_ns, name, type_name, data in bag.messages():
             zeroed = bytearray(data)
             zeroed[4:12] = bytes(8)
@@ -422,62 +410,53 @@ def test_headers_without_a_time_are_given_that_of_the_recording(tmp_path):
     (warning,) = summary.warnings
     assert warning.startswith("/imu/data_raw, /imu/mag, /rig/state: the headers have no time")
     for name in ("attitude.csv", "surveys.csv"):
-        assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
+        assert (tmp_path / "again" / name).read_bytes() == (still.folder / "out" / name).read_bytes()
 
 
-def test_a_sensor_that_fails_is_named_with_its_time(tmp_path):
-    imu, _ = recording(tmp_path / "bag")
+def test_a_sensor_that_fails_is_named_with_its_time(still, tmp_path):
+    imu = still.imu.copy()
     imu["linear_acceleration"][1000:, 2] = imu["linear_acceleration"][999, 2]
-    with BagWriter(tmp_path / "stuck") as bag:
-        channel = bag.topic("/imu/data_raw", wire.IMU.type_name)
-        bag.write_rows(channel, wire.IMU.encode(imu, "sonde_link"), imu["stamp_ns"])
-    absent, fault = run(tmp_path / "stuck", tmp_path / "out").faults
+    absent, fault = run(written(tmp_path / "stuck", (IMU, imu, None)), tmp_path / "out").faults
     assert absent.code == FaultCode.NEVER_CAME
     assert (fault.code, fault.place) == (FaultCode.STUCK, 5)
-    with (tmp_path / "out" / "faults.csv").open() as file:
-        _, line = csv.DictReader(file)
+    _, line = table(tmp_path / "out" / "faults.csv")
     assert abs(int(line["since_ns"]) - int(imu["stamp_ns"][1000])) < 3_000_000_000
     assert line["cleared_ns"] == ""
     assert "accelerometer z axis is stuck" in line["message"]
 
 
-def test_that_many_samples_were_refused_is_reported(tmp_path):
-    imu, _ = recording(tmp_path / "bag", seconds=4.0)
-    logged = imu["stamp_ns"].copy()
-    imu["stamp_ns"][4::5] = imu["stamp_ns"][3::5]
-    with BagWriter(tmp_path / "repeated") as bag:
-        channel = bag.topic("/imu/data_raw", wire.IMU.type_name)
-        bag.write_rows(channel, wire.IMU.encode(imu, "sonde_link"), logged)
-    (warning,) = run(tmp_path / "repeated", tmp_path / "out").warnings
-    assert warning.startswith("80 of 400 IMU samples were refused")
+def repeated(stamps):
+    stamps[4::5] = stamps[3::5]
 
 
-def test_that_time_went_back_is_reported_once_and_the_estimate_goes_on(tmp_path):
-    imu, _ = recording(tmp_path / "bag", seconds=8.0)
-    logged = imu["stamp_ns"].copy()
-    imu["stamp_ns"][400:] -= 3_000_000_000
-    with BagWriter(tmp_path / "set_back") as bag:
-        channel = bag.topic("/imu/data_raw", wire.IMU.type_name)
-        bag.write_rows(channel, wire.IMU.encode(imu, "sonde_link"), logged)
-    summary = run(tmp_path / "set_back", tmp_path / "out")
+def set_back(stamps):
+    stamps[400:] -= 3_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("change", "rejected", "said"),
+    [
+        (repeated, 160, "160 of 800 IMU samples were refused"),
+        (set_back, 3, "time went back once, by 3.0 s, 4.0 s after the start: the estimate restarted"),
+    ],
+)
+def test_stamps_that_repeat_or_go_back_are_reported_once_and_the_estimate_goes_on(
+    still, tmp_path, change, rejected, said
+):
+    imu = still.imu[:800].copy()
+    change(imu["stamp_ns"])
+    summary = run(written(tmp_path / "bag", (IMU, imu, still.imu["stamp_ns"][:800])), tmp_path / "out")
     (warning,) = summary.warnings
-    assert warning == "time went back once, by 3.0 s, 4.0 s after the start: the estimate restarted"
-    assert summary.rejected == 3
+    assert warning.startswith(said)
+    assert summary.rejected == rejected
 
 
 def test_a_string_magnetised_beyond_the_prior_is_reported_and_no_azimuth_given_before_a_survey_is_accepted(tmp_path):
     imu, mag = recording(tmp_path / "bag", seconds=30.0)
     mag["magnetic_field"][:, 0] += 2e-5
     imu["angular_velocity"][2000:, 0] += np.where(np.arange(1000) < 100, 0.2, 0.0)  # the survey ends
-    with BagWriter(tmp_path / "strong") as bag:
-        for name, layout, rows in (("/imu/data_raw", wire.IMU, imu), ("/imu/mag", wire.MAG, mag)):
-            bag.write_rows(bag.topic(name, layout.type_name), layout.encode(rows, "sonde_link"), rows["stamp_ns"])
-    total, dip = float(np.linalg.norm(FIELD_N)), math.atan2(FIELD_N[2], FIELD_N[0])
-    known = {
-        "place.field": "fixed",
-        "place.total_nt": 1e9 * total,
-        "place.dip_deg": math.degrees(dip),
-    }
+    written(tmp_path / "strong", (IMU, imu, None), (MAG, mag, None))
+    known = {"place.field": "fixed", "place.total_nt": TOTAL_NT, "place.dip_deg": DIP_DEG}
     summary = run(tmp_path / "strong", tmp_path / "out", settings.changed(S3, known))
     (warning,) = summary.warnings
     assert warning.startswith(f"{summary.disturbed} of 3000 rows have no azimuth because the magnetic field differs")
@@ -510,22 +489,11 @@ def test_a_magnetometer_in_another_frame_is_not_used_until_that_is_set(tmp_path)
     assert summary.without_azimuth < summary.rows
 
 
-def test_results_replace_older_ones_and_leave_other_files_alone(tmp_path):
-    recording(tmp_path / "bag", seconds=2.0)
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "notes.txt").write_text("mine")
-    (tmp_path / "out" / "attitude.csv").write_text("old")
-    run(tmp_path / "bag", tmp_path / "out")
-    assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
-    assert len(attitude(tmp_path / "out")) == 200
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "out"]
-
-
 def test_the_inclination_of_a_shaken_phone_agrees_with_optical_truth(tmp_path, broad_27):
     """BROAD trial 27 (Laidig et al., Data 6(7):72): S3's method reached about 0.9 deg elsewhere, 1.2 leaves room."""
     run(broad_27, tmp_path / "out")
     lines = attitude(tmp_path / "out")
-    estimated = {int(line["stamp_ns"]): [float(line[f"gravity_{axis}"]) for axis in "xyz"] for line in lines}
+    estimated = {int(line["stamp_ns"]): gravity(line) for line in lines}
     errors = []
     with Bag(broad_27) as bag:
         for _, topic, _, data in bag.messages(["/truth/orientation"]):
@@ -541,9 +509,7 @@ def test_the_inclination_of_a_shaken_phone_agrees_with_optical_truth(tmp_path, b
     assert math.degrees(math.sqrt(np.mean(np.square(errors)))) < 1.2
 
 
-def test_a_calibration_is_taken_off_before_anything_is_estimated(tmp_path):
-    bag = tmp_path / "bag"
-    recording(bag)
+def test_a_calibration_is_taken_off_before_anything_is_estimated(still, tmp_path):
     tilted = np.eye(3)
     tilted[2, 0] = 0.01
     none, zeros = np.zeros((3, 3)), np.zeros(3)
@@ -552,44 +518,31 @@ def test_a_calibration_is_taken_off_before_anything_is_estimated(tmp_path):
         return TriadCalibration(matrix, zeros, zeros, zeros, none, zeros, zeros, zeros, 20.0, 0.0, 0.0, 1)
 
     calibration = Calibration(triad(np.eye(3)), triad(tilted), triad(np.eye(3)))
-    plain = run(bag, tmp_path / "plain")
-    with Bag(bag) as opened:
+    with Bag(still.folder / "bag") as opened:
         done = process.process(opened, tmp_path / "calibrated", S3, compensation=Compensation(calibration))
-    assert done.rows == plain.rows
-    forces = np.array([[float(row[f"gravity_{axis}"]) for axis in "xyz"] for row in attitude(tmp_path / "plain")])
-    turned = np.array([[float(row[f"gravity_{axis}"]) for axis in "xyz"] for row in attitude(tmp_path / "calibrated")])
-    expected = forces[-1] @ tilted.T
-    np.testing.assert_allclose(turned[-1], expected / np.linalg.norm(expected), atol=2e-4)
-    assert np.abs(turned[-1] - forces[-1]).max() > 1e-3
+    assert done.rows == still.summary.rows
+    plain, turned = (np.array(gravity(attitude(one)[-1])) for one in (still.folder / "out", tmp_path / "calibrated"))
+    expected = plain @ tilted.T
+    np.testing.assert_allclose(turned, expected / np.linalg.norm(expected), atol=2e-4)
+    assert np.abs(turned - plain).max() > 1e-3
 
 
 @pytest.mark.fault_case(14)
-def test_a_recording_is_read_with_its_covariances_as_the_live_estimator_does(tmp_path):
-    imu, mag = recording(tmp_path / "plain")
-    plain = run(tmp_path / "plain", tmp_path / "out")
+def test_a_recording_is_read_with_its_covariances_as_the_live_estimator_does(still, tmp_path):
+    plain, imu, mag = still.summary, still.imu.copy(), still.mag.copy()
     imu["angular_velocity_covariance"][500:600, 0] = -1.0
     mag["magnetic_field_covariance"] = np.diag([(4e-6) ** 2] * 3).ravel()
-    with BagWriter(tmp_path / "bag") as bag:
-        for name, layout, rows in (("imu/data_raw", wire.IMU, imu), ("imu/mag", wire.MAG, mag)):
-            bag.write_rows(bag.topic(f"/{name}", layout.type_name), layout.encode(rows, "sonde_link"), rows["stamp_ns"])
-    noisy = run(tmp_path / "bag", tmp_path / "out_2")
-    assert [text for text in noisy.warnings if text not in plain.warnings] == [
-        "/imu/data_raw: angular_velocity is declared not provided: it is not used",
-        (
-            "the covariance of magnetic_field states 4000 nT per sample, more than the settings of the tool; "
-            "the sigmas are widened accordingly"
-        ),
-    ]
+    noisy = run(written(tmp_path / "bag", (IMU, imu, None), (MAG, mag, None)), tmp_path / "out")
+    absent, wide = (text for text in noisy.warnings if text not in plain.warnings)
+    assert absent.startswith("/imu/data_raw: angular_velocity is declared not provided")
+    assert wide.startswith("the covariance of magnetic_field states 4000 nT per sample")
     assert noisy.surveys[0][0].station.sigma_azimuth > plain.surveys[0][0].station.sigma_azimuth
 
 
-def test_a_gyro_that_is_absent_for_a_while_gives_the_same_rows_live_and_processed(tmp_path):
-    imu, mag = recording(tmp_path / "plain")
+def test_a_gyro_that_is_absent_for_a_while_gives_the_same_rows_live_and_processed(still, tmp_path):
+    imu, mag = still.imu.copy(), still.mag
     imu["angular_velocity_covariance"][500:600, 0] = -1.0
-    with BagWriter(tmp_path / "bag") as bag:
-        for name, layout, rows in (("imu/data_raw", wire.IMU, imu), ("imu/mag", wire.MAG, mag)):
-            bag.write_rows(bag.topic(f"/{name}", layout.type_name), layout.encode(rows, "sonde_link"), rows["stamp_ns"])
-    run(tmp_path / "bag", tmp_path / "out")
+    run(written(tmp_path / "bag", (IMU, imu, None), (MAG, mag, None)), tmp_path / "out")
     pipeline = Pipeline(S3)
     pipeline.push_mag(mag)
     output = pipeline.push_imu(input_covariance.judge(imu, wire.IMU.type_name).samples)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """config.yaml of a run: what was in force, read back as it was; other files in its place are refused in a sentence."""
 
-import math
 from pathlib import Path
 
 import pytest
@@ -21,29 +20,6 @@ def written(estimator=None, given=None, wanted=None):
     return config_text(estimator or EstimatorSettings(), given or InputSettings(), wanted or OutputSettings(), TOPICS)
 
 
-def test_settings_come_back_as_they_were(tmp_path):
-    chosen = settings.changed(EstimatorSettings(), {"gravity.method": "s3", "survey.duration_s": 5.0})
-    path = tmp_path / "config.yaml"
-    path.write_text(written(chosen))
-    assert estimator_config(path) == chosen
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("survay: {}", "survay: no such setting; did you mean survey"),
-        ("tool: {nonsense: {}}", r"tool\.nonsense: no such setting"),
-        ("{tool: 5, tool.latency_s: 0.03}", r"tool\.latency_s: tool is not a table, but 5"),
-        ("{tool.latency_s: 0.03, tool: 5}", "tool: is a table of settings, but also given as 5"),
-    ],
-)
-def test_a_file_that_says_something_else_than_it_means_is_refused(tmp_path, text, message):
-    path = tmp_path / "config.yaml"
-    path.write_text(text)
-    with pytest.raises(SettingsError, match=message):
-        estimator_config(path)
-
-
 def test_settings_of_results_that_this_version_cannot_use_are_left_out_and_named(tmp_path):
     before = settings.to_mapping(settings.changed(EstimatorSettings(), {"tool.gyro.bias_deg_h": 5.0}))
     before["tool"]["gyro"]["walk_deg_h_sqrt_h"] = 10.0
@@ -58,7 +34,7 @@ def test_settings_of_results_that_this_version_cannot_use_are_left_out_and_named
     ]
 
 
-def test_topics_and_what_was_asked_beside_the_settings_stand_in_comments():
+def test_topics_and_what_was_asked_beside_the_settings_stand_in_comments_and_no_default():
     text = written(given=InputSettings(mag_unit="uT", end_s=9.0), wanted=OutputSettings(rate_hz=10.0))
     comments = [line for line in text.splitlines() if line.startswith("#")]
     assert comments[1:] == [
@@ -70,42 +46,39 @@ def test_topics_and_what_was_asked_beside_the_settings_stand_in_comments():
     ]
 
 
-def test_what_was_left_at_its_default_is_not_repeated_in_comments():
-    assert math.isinf(InputSettings().end_s)
-    assert len([line for line in written().splitlines() if line.startswith("#")]) == 3
-
-
-def test_a_ros_parameter_file_serves_as_configuration(tmp_path):
+def test_a_ros_parameter_file_serves_as_configuration_and_an_empty_one_changes_nothing(tmp_path):
     path = tmp_path / "estimator.yaml"
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"gravity.method": "s3", "survey.duration_s": 4.0}}}))
     assert read_config(path) == {"gravity": {"method": "s3"}, "survey": {"duration_s": 4.0}}
     path.write_text(yaml.safe_dump({"estimator": {"ros__parameters": {"survey": {"duration_s": 4.0}}}}))
     assert read_config(path) == {"survey": {"duration_s": 4.0}}
-
-
-def test_an_empty_file_changes_nothing(tmp_path):
-    path = tmp_path / "config.yaml"
     path.write_text("# empty\n")
     assert read_config(path) == {}
+    with pytest.raises(FileNotFoundError):
+        read_config(tmp_path / "none.yaml")
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(b"[1, 2]", "expected a table"), (b"a: [", "is not YAML"), (b"\xff\xfe", "is not UTF-8 text")],
+    [
+        ("survay: {}", "survay: no such setting; did you mean survey"),
+        ("tool: {nonsense: {}}", r"tool\.nonsense: no such setting"),
+        ("{tool: 5, tool.latency_s: 0.03}", r"tool\.latency_s: tool is not a table, but 5"),
+        ("{tool.latency_s: 0.03, tool: 5}", "tool: is a table of settings, but also given as 5"),
+        ("[1, 2]", r"config\.yaml.*expected a table"),
+        ("a: [", r"config\.yaml.*is not YAML"),
+        (b"\xff\xfe", r"config\.yaml.*is not UTF-8 text"),
+        *(
+            (table.format(day), rf"config\.yaml: .*place\.date.*{day}")
+            for day in ("2026-02-30", "2026-13-01", "soon")
+            for table in ("place: {{date: {}}}", "/**: {{ros__parameters: {{place.date: {}}}}}")
+        ),
+    ],
 )
-def test_what_is_no_table_of_settings_is_refused_with_the_name_of_the_file(tmp_path, content, message):
+def test_a_file_that_is_no_table_or_says_something_else_than_it_means_is_refused(tmp_path, content, message):
     path = tmp_path / "config.yaml"
-    path.write_bytes(content)
-    with pytest.raises(SettingsError, match=rf"config\.yaml.*{message}"):
-        read_config(path)
-
-
-@pytest.mark.parametrize("day", ["2026-02-30", "2026-13-01", "soon"])
-@pytest.mark.parametrize("table", ["place: {{date: {}}}", "/**: {{ros__parameters: {{place.date: {}}}}}"])
-def test_a_day_that_does_not_exist_is_refused_with_file_and_key(tmp_path, day, table):
-    path = tmp_path / "settings.yaml"
-    path.write_text(table.format(day))
-    with pytest.raises(SettingsError, match=rf"settings\.yaml: .*place\.date.*{day}"):
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(SettingsError, match=message):
         estimator_config(path)
 
 
@@ -129,8 +102,3 @@ def test_an_edited_file_of_what_was_read_is_refused_by_name(tmp_path, text):
     (tmp_path / "input.yaml").write_text(text)
     with pytest.raises(SettingsError, match=r"input\.yaml"):
         processed_input(tmp_path)
-
-
-def test_a_file_that_is_not_there_is_reported(tmp_path):
-    with pytest.raises(FileNotFoundError):
-        read_config(tmp_path / "config.yaml")

@@ -7,12 +7,9 @@ import pytest
 from mwd_estimation.pipeline.output import Output
 from mwd_sensors.core import wire
 from mwd_sensors.core.settings import SettingsError, from_mapping
-from mwd_surface.bags.bag_reader import Bag
-from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.processing import run_folder, run_output
 from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.processing.run_output import OutputSettings, destination, drafts
-from mwd_surface.surveys import survey_csv
 
 START = 1_772_344_800_000_000_000
 
@@ -21,19 +18,15 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_what_was_written_appears_when_the_block_ends(tmp_path):
-    with drafts(tmp_path / "deep" / "out") as draft:
+def test_what_was_written_appears_when_the_block_ends_with_the_mode_of_any_new_folder(tmp_path):
+    out = tmp_path / "deep" / "out"
+    with drafts(out) as draft:
         (draft / "a.csv").write_text("1")
-        assert not (tmp_path / "deep" / "out").exists()
-    assert (tmp_path / "deep" / "out" / "a.csv").read_text() == "1"
+        assert not out.exists()
+    assert (out / "a.csv").read_text() == "1"
     assert names(tmp_path / "deep") == ["out"]
-
-
-def test_a_new_folder_may_be_read_by_whom_any_new_folder_may(tmp_path):
     (tmp_path / "usual").mkdir()
-    with drafts(tmp_path / "out"):
-        pass
-    assert (tmp_path / "out").stat().st_mode == (tmp_path / "usual").stat().st_mode
+    assert out.stat().st_mode == (tmp_path / "usual").stat().st_mode
 
 
 def test_after_an_error_there_is_nothing_new_and_all_that_was_there(tmp_path):
@@ -73,10 +66,6 @@ def test_a_file_in_the_place_of_the_folder_is_not_touched(tmp_path):
     assert names(tmp_path) == ["out"]
 
 
-def test_no_survey_is_a_table_of_titles():
-    assert survey_csv.text([]) == ",".join(survey_csv.COLUMNS) + "\n"
-
-
 def test_a_format_that_is_not_written_is_refused():
     with pytest.raises(SettingsError, match="one of csv, parquet, mcap"):
         from_mapping(OutputSettings, {"format": "xlsx"})
@@ -93,18 +82,6 @@ def test_attitude_goes_into_the_file_of_its_format_at_the_rate_asked_for(tmp_pat
     assert names(tmp_path) == [expected]
     stamps = np.concatenate([rows["stamp_ns"] for rows in run_folder.attitude(tmp_path)])
     assert stamps.tolist() == [START + k * 100_000_000 for k in range(30)]
-
-
-def test_a_merged_bag_is_handed_everything_and_the_attitude_with_it(tmp_path):
-    rows = wire.IMU.empty(10)
-    rows["stamp_ns"] = START + np.arange(10)
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.write_rows(bag.topic("/imu/data_raw", wire.IMU.type_name), wire.IMU.encode(rows, "x"), rows["stamp_ns"])
-    (tmp_path / "out").mkdir()
-    wanted = OutputSettings(format="mcap")
-    with Bag(tmp_path / "bag") as bag, destination(tmp_path / "out", bag, wanted, InputSettings()) as (_, merger):
-        assert merger is not None
-    assert names(tmp_path / "out") == [run_output.MERGED]
 
 
 def test_a_folder_never_holds_the_results_of_two_runs(tmp_path):

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
-from example_rig import certified, control, started, values
+from example_rig import certified, started, values
 
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode
@@ -41,6 +41,14 @@ def play(path, title, *arguments):
     words = [sys.executable, str(script), *map(str, arguments)]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
     return done.stdout if done.returncode == 0 else done.stderr
+
+
+def trusted(folder, name):
+    """Certificate and key of a client that the server trusts."""
+    certificate, key = asyncio.run(certified(folder, name))
+    (folder / "trusted").mkdir(exist_ok=True)
+    shutil.copy(certificate, folder / "trusted")
+    return certificate, key
 
 
 @contextlib.contextmanager
@@ -99,13 +107,9 @@ def test_without_leave_no_register_of_control_is_there():
 
 @pytest.mark.slow
 def test_the_opcua_controller_of_the_page_rotates_and_gives_back(tmp_path):
-
-    (tmp_path / "trusted").mkdir()
-    certificate, key = asyncio.run(certified(tmp_path, "controller"))
-    shutil.copy(certificate, tmp_path / "trusted")
+    certificate, key = trusted(tmp_path, "controller")
     authority = ControlAuthority(SETTINGS, first=70_000)
-    settings = OpcuaSettings(port=0, allow_control=True)
-    server = OpcuaServer(settings, "Well 1", None, tmp_path, authority)
+    server = OpcuaServer(OpcuaSettings(port=0, allow_control=True), "Well 1", None, tmp_path, authority)
     with rig(server, authority) as sent:
         ends = (server.address, "Well 1", certificate, key, tmp_path / "own.der", "urn:test:controller")
         assert "[True, 'the driller controls top drive and pumps']" in play(tmp_path, "OPC UA", *ends)
@@ -121,10 +125,7 @@ def test_an_opcua_lease_is_of_its_session_and_its_certificate(tmp_path):
     from asyncua import Client, ua
     from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 
-    (tmp_path / "trusted").mkdir()
-    pairs = {name: asyncio.run(certified(tmp_path, name)) for name in ("controller", "other")}
-    for certificate, _ in pairs.values():
-        shutil.copy(certificate, tmp_path / "trusted")
+    pairs = {name: trusted(tmp_path, name) for name in ("controller", "other")}
     authority = ControlAuthority(SETTINGS)
     server = OpcuaServer(OpcuaSettings(port=0, allow_control=True), "Well 1", None, tmp_path, authority)
     kinds = ua.VariantType
@@ -162,17 +163,11 @@ def test_an_opcua_lease_is_of_its_session_and_its_certificate(tmp_path):
                 assert (await ask(thief, "autodriller", 255))[1] == 0
                 for sequence in (0, 2):
                     done, why = await point(thief, lease, sequence)
-                    assert (done, why) == (
-                        False,
-                        f"lease {lease} belongs to autodriller; only autodriller can command under it",
-                    )
+                    assert not done
+                    assert f"lease {lease} belongs to autodriller" in why
                 assert not (await thief("release_control", ua.Variant(lease, kinds.UInt32), ""))[0]
             assert not (await point(owner, lease, 1))[0]
             assert (await point(owner, lease, 2))[0]
 
     with started(server):
         asyncio.run(play())
-
-
-def test_the_example_of_the_rig_interfaces_has_an_owner():
-    assert control(100.0).owner == "modbus 5"

@@ -3,8 +3,11 @@
 
 import asyncio
 import errno
+import os
+import pty
 import re
 import socket
+import sys
 import threading
 
 import pytest
@@ -19,6 +22,14 @@ from mwd_surface.rig.interface import (
     port_error,
     probe_port,
 )
+from mwd_surface.rig.modbus.serial_line import ModbusSerial
+from mwd_surface.rig.modbus.server import ModbusServer
+from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
+from mwd_surface.rig.opcua.server import OpcuaServer
+from mwd_surface.rig.opcua.settings import OpcuaSettings
+from mwd_surface.rig.polled.unit import PolledSettings, PolledUnit
+from mwd_surface.rig.wits.client import Wits0Serial, Wits0SerialSettings
+from mwd_surface.rig.wits.server import Wits0Server, Wits0ServerSettings
 
 
 class Echo(RigInterface):
@@ -101,20 +112,6 @@ def test_an_interface_that_does_not_run_has_nothing_to_wake():
         asyncio.run(Echo().wake.wait())
 
 
-OWN = ("127.0.0.1", "127.8.9.1", "::1", "localhost")
-OTHERS = ("::", "10.0.0.5", "192.0.2.1", "rig.example")
-
-
-@pytest.mark.parametrize(("host", "own"), [(h, True) for h in OWN] + [(h, False) for h in OTHERS])
-def test_only_addresses_of_this_machine_alone_need_no_leave(host, own):
-    assert checked_host(host, allow_network=True) == host
-    if own:
-        assert checked_host(host, allow_network=False) == host
-    else:
-        with pytest.raises(InterfaceError, match="allow_network"):
-            checked_host(host, allow_network=False)
-
-
 @pytest.mark.fault_case(88)
 @pytest.mark.parametrize(
     ("number", "words"),
@@ -159,9 +156,11 @@ def test_a_host_that_is_not_allowed_is_named_for_what_it_is(host, words):
 
 
 @pytest.mark.fault_case(88)
-@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.2", "::1", "localhost", "LOCALHOST"])
-def test_a_host_of_this_machine_alone_is_allowed(host):
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.8.9.1", "::1", "localhost", "LOCALHOST"])
+def test_a_host_of_this_machine_alone_is_allowed_and_any_other_where_the_network_is(host):
     assert checked_host(host, allow_network=False) == host
+    for reached in (host, "::", "10.0.0.5", "rig.example"):
+        assert checked_host(reached, allow_network=True) == reached
 
 
 def test_a_free_port_is_probed_without_being_kept():
@@ -178,3 +177,55 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it():
     assert optional("json", "json", "This").loads("1") == 1
     with pytest.raises(InterfaceError, match=r"This needs the package nowhere, .*pip install nowhere"):
         optional("no_such_module", "nowhere", "This")
+
+
+SERVERS = {
+    "modbus": lambda **given: ModbusServer(ModbusSettings(**given)),
+    "opcua": lambda **given: OpcuaServer(OpcuaSettings(**given)),
+    "wits": lambda **given: Wits0Server(Wits0ServerSettings(**given)),
+}
+
+
+@pytest.mark.parametrize("name", SERVERS)
+def test_every_server_names_a_port_that_is_taken_and_an_address_that_is_not_allowed_or_not_here(name):
+    with socket.create_server(("127.0.0.1", 0)) as holder:
+        port = holder.getsockname()[1]
+        with pytest.raises(InterfaceError, match=f"port {port} is taken"):
+            SERVERS[name](port=port).start()
+    # OPC UA asks for its certificates before it listens to a network.
+    absent = "certificates" if name == "opcua" else "not an address of this machine"
+    for network, words in ((False, "allow_network"), (True, absent)):
+        with pytest.raises(InterfaceError, match=words):
+            SERVERS[name](port=0, host="192.0.2.1", allow_network=network).start()
+
+
+@pytest.mark.parametrize(
+    ("module", "package", "made"),
+    [
+        ("pymodbus.server", "pymodbus", SERVERS["modbus"]),
+        ("asyncua", "asyncua", SERVERS["opcua"]),
+        ("serial", "pyserial", lambda **_: Wits0Serial(Wits0SerialSettings())),
+    ],
+)
+def test_an_interface_without_its_package_says_how_to_install_it(monkeypatch, module, package, made):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(InterfaceError, match=f"pip install {package}"):
+        made(port=0).start()
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda device: ModbusSerial(ModbusSerialSettings(device=device), ModbusSettings()),
+        lambda device: PolledUnit(PolledSettings(device=device)),
+    ],
+    ids=["modbus", "polled"],
+)
+def test_a_line_that_goes_away_is_reported_so_that_it_is_opened_anew(made):
+    theirs, ours = pty.openpty()
+    with started(made(os.ttyname(ours))) as interface:
+        eventually(lambda: getattr(interface, "_seen", True))
+        os.close(ours)
+        os.close(theirs)
+        eventually(lambda: interface.status().state == "stopped")
+        assert "is gone" in interface.status().reason

@@ -59,13 +59,6 @@ def test_everything_is_off_until_switched_on():
     assert not any(every.values())
 
 
-def test_settings_come_from_a_plain_table():
-    config = settings.from_mapping(RigSettings, {"modbus": {"enabled": True, "port": 1502}})
-    assert config.modbus.port == 1502
-    with pytest.raises(settings.SettingsError, match="did you mean modbus"):
-        settings.from_mapping(RigSettings, {"modbuss": {}})
-
-
 def test_settings_tell_whether_rig_data_can_come_in():
     assert not rig_settings().takes_data
     assert rig_settings(wits0=Wits0Settings(rig=RigInputSettings(accept=True))).takes_data

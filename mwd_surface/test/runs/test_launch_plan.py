@@ -69,17 +69,12 @@ def test_a_well_is_a_ros_namespace():
             launch_plan.checked_well(bad)
 
 
-def test_two_runs_at_once_get_two_ports():
+def test_two_runs_at_once_get_two_ports_and_none_gets_a_port_that_is_taken():
     with launch_plan.page_port(None) as first, launch_plan.page_port(None) as second:
         assert first != second
         with pytest.raises(ValueError, match="another program listens there already"), launch_plan.page_port(first):
             pass
-
-
-def test_a_port_that_is_taken_is_passed_over():
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
+    with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(ValueError, match=f"--port {port}"), launch_plan.page_port(port):
             pass

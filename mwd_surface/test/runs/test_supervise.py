@@ -32,17 +32,31 @@ class Clock:
         return self.now
 
 
+class Watched(Supervisor):
+    """A supervisor of processes whose logs are in a folder, by the clock of a test; it keeps what it reports."""
+
+    def __init__(self, folder):
+        self.folder, self.time, self.reported = folder, Clock(), []
+        super().__init__(os.environ, report=self.reported.append, clock=self.time)
+
+    def run(self, name, code):
+        self.start(order(self.folder, name, code))
+
+    def watch_after(self, seconds):
+        self.time.now += seconds
+        self.watch()
+
+    def watch_the_end(self, name="a"):
+        """Wait for the end of a process, and watch."""
+        until(lambda: not self.runs(name))
+        self.watch()
+
+
 @pytest.fixture
-def make(tmp_path):
-    made = []
-
-    def supervisor(**options):
-        made.append(Supervisor(os.environ, **options))
-        return made[-1]
-
-    yield supervisor
-    for one in made:
-        one.kill()
+def supervisor(tmp_path):
+    made = Watched(tmp_path)
+    yield made
+    made.kill()
 
 
 def order(folder, name, code):
@@ -67,125 +81,91 @@ def reported(folder, name, text="up"):
     return lambda: text in (folder / f"{name}.log").read_text()
 
 
-def test_a_process_that_ends_well_is_done_and_not_started_again(make, tmp_path):
-    supervisor = make()
-    supervisor.start(order(tmp_path, "a", "print('done')"))
-    until(lambda: not supervisor.runs("a"))
-    supervisor.watch()
+def test_a_process_that_ends_well_is_done_and_not_started_again(supervisor, tmp_path):
+    supervisor.run("a", "print('done')")
+    supervisor.watch_the_end()
     supervisor.watch()
     assert supervisor.finished("a")
     assert not supervisor.runs("a")
     assert (tmp_path / "a.log").read_text() == "done\n"
 
 
-def test_a_crashed_process_is_started_again_after_a_pause_that_doubles(make, tmp_path):
-    clock, sentences = Clock(), []
-    supervisor = make(report=sentences.append, clock=clock)
-    supervisor.start(order(tmp_path, "a", "import os; os.abort()"))
+def test_a_crashed_process_is_started_again_after_a_pause_that_doubles(supervisor):
+    supervisor.run("a", "import os; os.abort()")
     for pause in (0.5, 1.0, 2.0):
-        until(lambda: not supervisor.runs("a"))
-        supervisor.watch()
-        assert sentences[-1] == f"a ended unexpectedly (killed by SIGABRT); it is restarted in {pause:g} s"
-        clock.now += pause - 0.01
-        supervisor.watch()
+        supervisor.watch_the_end()
+        assert supervisor.reported[-1] == f"a ended unexpectedly (killed by SIGABRT); it is restarted in {pause:g} s"
+        supervisor.watch_after(pause - 0.01)
         assert not supervisor.runs("a")
-        clock.now += 0.02
-        supervisor.watch()
-        assert sentences[-1] == "a is started again"
+        supervisor.watch_after(0.02)
+        assert supervisor.reported[-1] == "a is started again"
 
 
 @pytest.mark.fault_case(57)
-def test_a_process_learns_how_many_times_it_was_started_before(make, tmp_path):
-    clock = Clock()
-    supervisor = make(clock=clock)
+def test_a_process_learns_how_many_times_it_was_started_before(supervisor, tmp_path):
     code = "import os; print('start', os.environ['MWD_STARTS'], flush=True); os.abort()"
-    supervisor.start(order(tmp_path, "a", code))
+    supervisor.run("a", code)
     for _ in range(2):
-        until(lambda: not supervisor.runs("a"))
-        supervisor.watch()
-        clock.now += 5.0
-        supervisor.watch()
+        supervisor.watch_the_end()
+        supervisor.watch_after(5.0)
     until(lambda: not supervisor.runs("a"))
     assert (tmp_path / "a.log").read_text().splitlines() == ["start 0", "start 1", "start 2"]
 
 
-def test_a_process_that_cannot_be_started_again_is_tried_slowly(make, tmp_path):
-    clock, sentences = Clock(), []
-    supervisor = make(report=sentences.append, clock=clock)
+def test_a_process_that_cannot_be_started_again_is_tried_slowly(supervisor, tmp_path):
     one = order(tmp_path, "a", "import os; os.abort()")
     supervisor.start(one)
-    until(lambda: not supervisor.runs("a"))
-    supervisor.watch()
+    supervisor.watch_the_end()
     one.log.unlink()
     one.log.mkdir()
-    clock.now += 1.0
-    supervisor.watch()
+    supervisor.watch_after(1.0)
     assert "cannot be started" in supervisor.failing[0]
     one.log.rmdir()
-    clock.now += 31.0
-    supervisor.watch()
-    assert sentences[-1] == "a is started again"
+    supervisor.watch_after(31.0)
+    assert supervisor.reported[-1] == "a is started again"
     assert one.log.is_file()
 
 
 @pytest.mark.fault_case(57)
-def test_a_process_that_crashes_again_and_again_is_tried_slowly_while_the_others_go_on(make, tmp_path):
-    clock, sentences = Clock(), []
-    supervisor = make(report=sentences.append, clock=clock)
-    supervisor.start(order(tmp_path, "page", PATIENT))
-    supervisor.start(order(tmp_path, "a", "import sys; print('no such sensor'); sys.exit(7)"))
-
-    def crash():
-        until(lambda: not supervisor.runs("a"))
-        supervisor.watch()
-
+def test_a_process_that_crashes_again_and_again_is_tried_slowly_while_the_others_go_on(supervisor):
+    supervisor.run("page", PATIENT)
+    supervisor.run("a", "import sys; print('no such sensor'); sys.exit(7)")
     for _ in range(5):
-        crash()
-        clock.now += 20.0
-        supervisor.watch()
-    crash()
+        supervisor.watch_the_end()
+        supervisor.watch_after(20.0)
+    supervisor.watch_the_end()
     assert supervisor.failing == ["a crashed 6 times in a row (status 7): no such sensor"]
-    assert "tried every 30 s" in sentences[-1]
-    clock.now += 29.0
-    supervisor.watch()
+    assert "tried every 30 s" in supervisor.reported[-1]
+    supervisor.watch_after(29.0)
     assert not supervisor.runs("a")
-    clock.now += 2.0
-    supervisor.watch()
-    assert sentences[-1] == "a is started again"
-    crash()
+    supervisor.watch_after(2.0)
+    assert supervisor.reported[-1] == "a is started again"
+    supervisor.watch_the_end()
     assert supervisor.runs("page")
 
 
-def test_a_failing_process_that_stays_alive_is_well_again(make, tmp_path):
-    clock, sentences = Clock(), []
-    supervisor = make(report=sentences.append, clock=clock)
+def test_a_failing_process_that_stays_alive_is_well_again(supervisor, tmp_path):
     words = f"import os, sys; sys.exit(2) if not os.path.exists('{tmp_path}/now') else None; {PATIENT}"
-    supervisor.start(order(tmp_path, "a", words))
-    until(lambda: not supervisor.runs("a"))
-    supervisor.watch()
+    supervisor.run("a", words)
+    supervisor.watch_the_end()
     assert supervisor.failing
     (tmp_path / "now").touch()
-    clock.now += 31.0
-    supervisor.watch()
+    supervisor.watch_after(31.0)
     until(reported(tmp_path, "a"))
-    clock.now += 21.0
-    supervisor.watch()
+    supervisor.watch_after(21.0)
     assert not supervisor.failing
-    assert sentences[-1] == "a has recovered"
+    assert supervisor.reported[-1] == "a has recovered"
 
 
-def test_refused_settings_are_named(make, tmp_path):
-    supervisor = make()
-    supervisor.start(order(tmp_path, "a", "import sys; print('rate: must be above 0'); sys.exit(2)"))
-    until(lambda: not supervisor.runs("a"))
-    supervisor.watch()
+def test_refused_settings_are_named(supervisor):
+    supervisor.run("a", "import sys; print('rate: must be above 0'); sys.exit(2)")
+    supervisor.watch_the_end()
     assert supervisor.failing == ["a does not start: rate: must be above 0"]
 
 
-def test_processes_end_by_request_and_in_order(make, tmp_path):
-    supervisor = make()
+def test_processes_end_by_request_and_in_order(supervisor, tmp_path):
     for name in ("a", "b"):
-        supervisor.start(order(tmp_path, name, PATIENT))
+        supervisor.run(name, PATIENT)
     until(reported(tmp_path, "a"))
     until(reported(tmp_path, "b"))
     assert supervisor.stop([["b"], ["a"]]) == []
@@ -199,36 +179,32 @@ def test_a_node_that_hangs_has_time_to_end_itself():
     assert supervise._MARGIN > stop_signals._LOCK_PATIENCE
 
 
-def test_a_process_that_waits_for_a_processor_is_not_killed(make, tmp_path):
+def test_a_process_that_waits_for_a_processor_is_not_killed(supervisor, tmp_path):
     pinned = f"import os; os.sched_setaffinity(0, {{{min(os.sched_getaffinity(0))}}})\n"
     # Ends in order after .6 s of its processor, which another process of the same priority uses too.
     working = "import signal, sys, time\nsignal.signal(signal.SIGINT, lambda *_: None)\nprint('up', flush=True)\n"
     working += "signal.pause()\nuntil = time.thread_time() + 0.6\nwhile time.thread_time() < until: pass"
-    supervisor = make()
     for name, code in (("a", pinned + working), ("rival", pinned + "print('up', flush=True)\nwhile True: pass")):
-        supervisor.start(order(tmp_path, name, code))
+        supervisor.run(name, code)
         until(reported(tmp_path, name))
     began = time.monotonic()
     assert supervisor.stop([["a"]], patience=0.8) == []
     assert time.monotonic() - began > 0.8
 
 
-def test_a_deaf_process_is_killed_and_named(make, tmp_path, monkeypatch):
+def test_a_deaf_process_is_killed_and_named(supervisor, tmp_path, monkeypatch):
     monkeypatch.setattr(supervise, "_TERM_PATIENCE", 0.1)
-    supervisor = make()
-    supervisor.start(order(tmp_path, "a", DEAF))
+    supervisor.run("a", DEAF)
     until(reported(tmp_path, "a"))
     assert supervisor.stop([["a"]], patience=0.1) == ["a"]
     assert not supervisor.runs("a")
 
 
 @pytest.mark.fault_case(70)
-def test_the_log_of_a_process_that_writes_for_ever_is_bounded_and_its_end_is_kept(make, tmp_path, monkeypatch):
+def test_the_log_of_a_process_that_writes_for_ever_is_bounded_and_its_end_is_kept(supervisor, tmp_path, monkeypatch):
     monkeypatch.setattr(supervise, "_MOST_LOG", 100_000)
-    supervisor, log = make(), tmp_path / "a.log"
-    supervisor.start(
-        order(tmp_path, "a", "import itertools\nfor k in itertools.count(): print(f'line {k:8d}', flush=True)")
-    )
+    log = tmp_path / "a.log"
+    supervisor.run("a", "import itertools\nfor k in itertools.count(): print(f'line {k:8d}', flush=True)")
     before = log.with_name("a.1.log")
     for _ in range(3):
         until(lambda: log.stat().st_size > 100_000)
@@ -242,24 +218,17 @@ def test_the_log_of_a_process_that_writes_for_ever_is_bounded_and_its_end_is_kep
     assert {path.name for path in tmp_path.iterdir()} == {"a.log", "a.1.log"}
 
 
-def test_what_a_process_started_ends_with_it(make, tmp_path):
-    supervisor = make()
-    supervisor.start(order(tmp_path, "a", PARENT))
+@pytest.mark.parametrize("crashed", [False, True])
+def test_what_a_process_started_ends_with_it(supervisor, tmp_path, crashed):
+    supervisor.run("a", PARENT)
     until(reported(tmp_path, "a", "\n"))
     grandchild = int((tmp_path / "a.log").read_text())
     assert alive(grandchild)
-    supervisor.stop([["a"]])
-    until(lambda: not alive(grandchild))
-
-
-def test_what_a_crashed_process_left_behind_ends_too(make, tmp_path):
-    supervisor = make()
-    supervisor.start(order(tmp_path, "a", PARENT))
-    until(reported(tmp_path, "a", "\n"))
-    grandchild = int((tmp_path / "a.log").read_text())
-    os.kill(supervisor._children["a"].process.pid, signal.SIGKILL)
-    until(lambda: not supervisor.runs("a"))
-    supervisor.watch()
+    if crashed:
+        os.kill(supervisor._children["a"].process.pid, signal.SIGKILL)
+        supervisor.watch_the_end()
+    else:
+        supervisor.stop([["a"]])
     until(lambda: not alive(grandchild))
 
 
@@ -282,11 +251,10 @@ def test_a_process_does_not_outlive_a_killed_supervisor(tmp_path):
     until(lambda: not alive(pid))
 
 
-def test_a_name_is_used_once_at_a_time(make, tmp_path):
-    supervisor = make()
-    supervisor.start(order(tmp_path, "a", PATIENT))
+def test_a_name_is_used_once_at_a_time(supervisor):
+    supervisor.run("a", PATIENT)
     with pytest.raises(ValueError, match="a runs already"):
-        supervisor.start(order(tmp_path, "a", PATIENT))
+        supervisor.run("a", PATIENT)
 
 
 def test_the_last_words_of_a_log_are_found(tmp_path):

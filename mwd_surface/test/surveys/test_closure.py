@@ -3,6 +3,7 @@
 
 import csv
 import dataclasses
+import functools
 import io
 import math
 
@@ -29,6 +30,7 @@ OPENING = (4_196_300.0, 544_100.0, 512.5)
 COUNT, STEP = 10, 9.0
 
 
+@functools.cache
 def hole(**mine):
     """Return the list of a hole of 90 m that rises gently and turns right, with a station each 9 m."""
     given_opening = dict(zip(("opening_x", "opening_y", "opening_z"), OPENING, strict=True))
@@ -160,6 +162,7 @@ def test_a_hole_without_a_point_has_no_closure():
     assert not any(heading.startswith(("Closure", "Branches")) for heading in headings)
 
 
+@functools.cache
 def branched():
     """Return a hole with a branch at 40 m that turns to the left."""
     surveys = hole().sidetracked("B1", 40.0)

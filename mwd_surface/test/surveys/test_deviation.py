@@ -3,6 +3,7 @@
 
 import csv
 import dataclasses
+import functools
 import io
 import itertools
 import math
@@ -28,6 +29,7 @@ OPENING = (4_412_300.0, 38_512_700.0, 512.5)
 MINE = Mine("Shaft 3", "4104", "niche 7", "XDA1201V 17", "2026-02-20", *OPENING)
 
 
+@functools.cache
 def hole(dip, azimuth, count=31, step=3.0, mine=MINE):
     """Return a list of stations along a straight hole from the opening, and its table."""
     rows = [f"{step * k},{dip},{azimuth}" for k in range(count)]

@@ -2,6 +2,7 @@
 """The final list: overlaps are decided by uncertainty, disagreements named, nothing measured is lost."""
 
 import dataclasses
+import functools
 import math
 
 import example_surveys as example
@@ -15,6 +16,7 @@ from mwd_surface.surveys.survey_record import Value
 from mwd_surface.surveys.well_position import programme_stations
 
 
+@functools.cache
 def two_legs(kick_off_m=500.0):
     """The example well with a sidetrack of six stations below its kick-off."""
     whole = example.surveys(dataclasses.replace(example.WELL, error_model="MWD+SRGM"))
@@ -24,6 +26,7 @@ def two_legs(kick_off_m=500.0):
     return whole
 
 
+@functools.cache
 def gyro(turn_deg=0.0, first_m=300.0, last_m=680.0):
     """A gyro survey of the sidetrack, turned from the hole by an angle."""
     path = two_legs().definitive("ST1")
@@ -41,9 +44,14 @@ def gyro(turn_deg=0.0, first_m=300.0, last_m=680.0):
     return whole
 
 
+@functools.cache
+def with_a_surer():
+    """The final list of the run and of a survey that is more certain."""
+    return final_list([ListSource("run", two_legs(), "MWD+SRGM"), ListSource("ifr", gyro(), "MWD+IFR1+MS")])
+
+
 def test_in_an_overlap_the_surer_survey_is_used_and_the_other_stays_in_the_list():
-    whole = two_legs()
-    final = final_list([ListSource("run", whole, "MWD+SRGM"), ListSource("ifr", gyro(), "MWD+IFR1+MS")])
+    whole, final = two_legs(), with_a_surer()
     (overlap,) = final.overlaps
     assert (overlap.used, overlap.left_out, overlap.apart) == ("ifr", "run", ())
     assert overlap.sigma_used < overlap.sigma_left_out
@@ -73,10 +81,9 @@ def test_surveys_that_disagree_beyond_their_errors_are_named(turn_deg, apart):
 
 
 def test_the_order_of_the_sources_decides_no_overlap():
-    run, other = ListSource("run", two_legs(), "MWD+SRGM"), ListSource("ifr", gyro(), "MWD+IFR1+MS")
-    there, back = final_list([run, other]).overlaps[0], final_list([dataclasses.replace(other), run]).overlaps
-    assert there.used == "ifr"
-    assert [one.used for one in back] == ["ifr"]
+    back = final_list([ListSource("ifr", gyro(), "MWD+IFR1+MS"), ListSource("run", two_legs(), "MWD+SRGM")])
+    for final in (with_a_surer(), back):
+        assert [one.used for one in final.overlaps] == ["ifr"]
 
 
 def test_a_survey_that_two_recordings_have_is_used_once_and_a_person_is_obeyed():
@@ -119,8 +126,7 @@ def test_a_kick_off_below_which_the_parent_ends_moves_with_the_path_that_is_used
 
 
 def test_a_kick_off_between_two_stations_of_a_source_has_the_tool_code_of_that_source():
-    whole = two_legs()
-    final = final_list([ListSource("run", whole, "MWD+SRGM"), ListSource("ifr", gyro(), "MWD+IFR1+MS")])
+    final = with_a_surer()
     path = final.surveys.definitive()
     kick_off = path.sequence.index(0, 1)
     around = {final.sources[path.sequence[k]] for k in (kick_off - 1, kick_off + 1)}

@@ -72,30 +72,25 @@ def test_a_list_without_repeated_surveys_has_no_such_section():
     assert not any(s.heading.startswith("Rotation shots") for s in content(example.table()).sheets)
 
 
-def test_rows_of_two_runs_are_a_check_shot(tmp_path):
-    path = tmp_path / "table.csv"
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        sensors = [f"{name}_{axis}" for name in ("accel", "mag") for axis in ("axial", "tran1", "tran2")]
-        writer.writerow(["md_m", "run", *sensors])
-        rows = [(*force, *(1e9 * field)) for force, field in (_readings(f) for f in FACES)]
-        writer.writerows([1000.0, "one" if k < 2 else "two", *row] for k, row in enumerate(rows))
-    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    app.command()(survey_command)
-    done = CliRunner(env={"COLUMNS": "140"}).invoke(app, [str(path), "--field", "50250,72.0,0.0"])
-    assert "1000.0 m, check shot by one and two of 4 surveys: pass" in done.stdout
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("bias_nt", "verdict"), [(0.0, "pass"), (600.0, "fail")])
-def test_mwd_survey_says_what_repeated_rows_show(tmp_path, bias_nt, verdict):
+@pytest.mark.parametrize(
+    ("runs", "bias_nt", "said"),
+    [
+        (("one", "one", "two", "two"), 0.0, "check shot by one and two of 4 surveys: pass"),
+        (None, 0.0, "rotation shot of 4 surveys: pass"),
+        (None, 600.0, "rotation shot of 4 surveys: fail"),
+    ],
+)
+def test_mwd_survey_says_what_repeated_rows_show(tmp_path, runs, bias_nt, said):
     path = tmp_path / "table.csv"
+    sensors = [f"{name}_{axis}" for name in ("accel", "mag") for axis in ("axial", "tran1", "tran2")]
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
-        sensors = [f"{name}_{axis}" for name in ("accel", "mag") for axis in ("axial", "tran1", "tran2")]
-        writer.writerow(["md_m", *sensors])
-        writer.writerows([1000.0, *force, *(1e9 * field)] for force, field in (_readings(f, bias_nt) for f in FACES))
+        writer.writerow(["md_m", *(["run"] if runs else []), *sensors])
+        for k, face in enumerate(FACES):
+            force, field = _readings(face, bias_nt)
+            writer.writerow([1000.0, *([runs[k]] if runs else []), *force, *(1e9 * field)])
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command()(survey_command)
     done = CliRunner(env={"COLUMNS": "140"}).invoke(app, [str(path), "--field", "50250,72.0,0.0"])
-    assert f"1000.0 m, rotation shot of 4 surveys: {verdict}" in done.stdout
+    assert f"1000.0 m, {said}" in done.stdout

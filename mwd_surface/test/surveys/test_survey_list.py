@@ -2,7 +2,6 @@
 """The survey list: its order, its two judgements, its legs and its path."""
 
 import contextlib
-import csv
 import dataclasses
 import json
 import math
@@ -20,7 +19,6 @@ from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, Value
 from mwd_surface.surveys.well import Well
-from project import REFERENCE_DATA
 
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 1e-6)
 S = 10**9
@@ -100,8 +98,13 @@ def test_a_doubtful_or_rejected_survey_waits_for_a_person_and_both_judgements_ar
     assert flags(whole, 5) == ("accepted by Aslaug against the automatic verdict reject",)
     whole = whole.reject(5, "Bo", "second thoughts", 88)
     assert not whole.find(5).in_use
-    assert whole.find(5).reason == "second thoughts"
+    kept = [(one.judgement, one.operator_name, one.reason, one.stamp_ns) for one in whole.find(5).decisions]
+    assert kept == [
+        (Judgement.ACCEPTED, "Aslaug", "casing collar, gyro agrees", 77),
+        (Judgement.REJECTED, "Bo", "second thoughts", 88),
+    ]
     assert whole.definitive().md[-1] == 190.0
+    assert SurveyList.from_mapping(whole.to_mapping()) == whole
 
 
 ASK = ListRules(apply_revisions="ask")
@@ -169,14 +172,19 @@ def test_the_rules_can_leave_every_revision_to_a_person_but_for_one_that_withdra
     assert not waiting.revise(gone).find(2).in_use
 
 
-def test_a_judgement_without_a_name_or_a_survey_is_refused():
+def test_a_judgement_of_a_survey_that_is_not_there_is_refused():
     whole = filled(*CURVE)
-    with pytest.raises(ValueError, match="operator_name: must not be empty"):
-        whole.accept(1, " ", "", 0)
     with pytest.raises(ValueError, match=r"survey 9 is not in the list; the last are \[1, 2, 3, 4\]"):
         whole.reject(9, "Bo", "", 0)
     with pytest.raises(ValueError, match="it is empty"):
         SurveyList().find(1)
+
+
+@pytest.mark.parametrize("name", ["A\ud800", "A\nB", " "])
+def test_a_name_that_no_file_can_hold_is_refused_before_anything_changes(name):
+    for judge in (filled(*CURVE).reject, filled(*CURVE).accept):
+        with pytest.raises(ValueError, match="operator_name"):
+            judge(1, name, "", 5)
 
 
 @pytest.mark.fault_case(39)
@@ -284,8 +292,6 @@ def test_a_survey_without_depth_is_kept_and_takes_the_depth_a_person_gives():
     whole = whole.accept(5, "Aslaug", "", 1, measured_depth=220.0)
     assert whole.find(5).measured_depth == 220.0
     assert whole.find(5).comment == "depth 220.00 m given by hand"
-    with pytest.raises(ValueError, match="measured_depth: must be within 0"):
-        whole.accept(5, "Aslaug", "", 1, measured_depth=-5.0)
 
 
 @pytest.mark.fault_case(39)
@@ -403,33 +409,6 @@ def test_the_rules_say_how_the_path_goes_on_to_the_bit():
     assert curve.dogleg_severity[-1] == pytest.approx(curve.dogleg_severity[-2])
 
 
-def test_a_real_well_of_87_gyro_stations_comes_out_where_its_operator_put_it_to_a_micrometre():
-    f4 = REFERENCE_DATA / "volve" / "F-4_gyro_ns_trajectory.csv"
-    with f4.open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    # The operator kept single precision; his positions follow from those digits.
-    md, inc, azi = ([float(np.float32(row[name])) for row in rows] for name in ("md_m", "inc_deg", "azi_true_deg"))
-    rules = ListRules(gap_limit=1e4, same_depth=0.01, dogleg_limit_deg=90.0)
-    whole = SurveyList(rules=rules)
-    for k in range(1, len(rows)):
-        whole = whole.add(shot(k, inc[k], azi[k]), md[k], 0.0)
-    path = whole.definitive()
-    assert len(path.md) == len(rows)
-    want = np.array([[float(row[name]) for name in ("north_m", "east_m", "tvd_m")] for row in rows])
-    np.testing.assert_allclose(path.positions, want, rtol=0.0, atol=1e-6)
-    severities = np.degrees(path.dogleg_severity) * 30.0
-    np.testing.assert_allclose(severities, [float(row["dls_deg_per_30m"]) for row in rows], rtol=0.0, atol=1e-4)
-
-
-def test_every_decision_about_a_survey_is_kept_with_who_why_and_when():
-    whole = filled(*CURVE)
-    number = whole.records[1].survey.sequence
-    whole = whole.reject(number, "Ann", "steel near", 5).accept(number, "Bo", "gyro agrees", 7)
-    kept = [(Judgement(d.judgement).name, d.operator_name, d.reason, d.stamp_ns) for d in whole.find(number).decisions]
-    assert kept == [("REJECTED", "Ann", "steel near", 5), ("ACCEPTED", "Bo", "gyro agrees", 7)]
-    assert SurveyList.from_mapping(whole.to_mapping()) == whole
-
-
 @pytest.mark.fault_case(86)
 @pytest.mark.parametrize("depth", [1e300, 20_001.0, -2.0])
 def test_a_depth_that_no_hole_has_is_refused(depth):
@@ -443,10 +422,3 @@ def test_a_number_beyond_all_numbers_of_surveys_becomes_the_next_free_one():
     whole = SurveyList().add(shot(1)).add(shot(2**32 - 1)).add(shot(3))
     assert sorted(r.survey.sequence for r in whole.records) == [1, 2, 3]
     assert f"numbered {2**32 - 1} by the tool" in whole.find(2).comment
-
-
-@pytest.mark.parametrize("name", ["A\ud800", "A\nB", " "])
-def test_a_name_that_no_file_can_hold_is_refused_before_anything_changes(name):
-    whole = filled((100.0, 0.5, 10.0))
-    with pytest.raises(ValueError, match="operator_name"):
-        whole.reject(1, name, "", 5)

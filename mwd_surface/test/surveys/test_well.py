@@ -31,9 +31,3 @@ def test_the_norths_are_those_of_the_surveys_in_their_order():
 def test_what_no_well_can_have_is_refused_with_its_reason(given, message):
     with pytest.raises(SettingsError, match=message):
         from_mapping(Well, given)
-
-
-def test_a_well_is_a_value():
-    assert Well(name="a") == Well(name="a")
-    with pytest.raises(AttributeError):
-        Well().name = "b"

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.trajectory.advice import Advice, AdviceBasis, AdviceMode, AdvisorySettings, advise, motor_yield
+from mwd_surface.trajectory.advice import AdviceBasis, AdviceMode, AdvisorySettings, advise, motor_yield
 from mwd_surface.trajectory.plan import nearest, plan_of
 from mwd_surface.trajectory.slide_sheet import Yield
 
@@ -136,7 +136,3 @@ def test_near_vertical_the_toolface_counts_from_north():
     gravity = advise(AdvisorySettings(), PLAN, path_at(2000.0, -3.0), (), KNOWN)
     magnetic = advise(AdvisorySettings(), PLAN, path_at(2000.0, -3.0), (), dataclasses.replace(KNOWN, magnetic=True))
     assert math.remainder(magnetic.toolface - gravity.toolface - 0.7, math.tau) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_no_advice_is_the_first_state():
-    assert Advice().mode == AdviceMode.NONE

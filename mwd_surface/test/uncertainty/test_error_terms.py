@@ -71,13 +71,6 @@ def test_set_b_is_known_and_lies_between_the_field_models_of_set_a():
         check_tool_code(code)
 
 
-def test_intervals_of_one_run_are_one_survey():
-    whole = position_covariance(MD, INC, AZI, North.GRID, "MWD+SRGM", REFERENCE)
-    run = ErrorTool("MWD+SRGM", "BHA 1")
-    parts = position_covariance(MD, INC, AZI, North.GRID, StationErrors([run] * 40 + [run] * 40), REFERENCE)
-    np.testing.assert_allclose(parts, whole, rtol=1e-12)
-
-
 def test_a_new_run_of_the_same_tool_makes_the_well_better_known_but_keeps_what_runs_share():
     whole = position_covariance(MD, INC, AZI, North.TRUE, "MWD+SRGM", REFERENCE)[-1]
     runs = [ErrorTool("MWD+SRGM", "1")] * 40 + [ErrorTool("MWD+SRGM", "2")] * 40

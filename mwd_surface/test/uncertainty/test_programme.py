@@ -24,6 +24,7 @@ intervals:
   - {from_m: 600, to_m: 1200, code: MWD+IFR1+SAG, run: BHA 2}
   - {from_m: 1200, code: MWD+SRGM, methods: {gyro: GYRO-MWD}}
 """
+OWN_SIGMAS = "intervals:\n  - {code: MWD+SRGM, angles: station}\n"
 
 
 def written(tmp_path, text=FILE):
@@ -32,16 +33,20 @@ def written(tmp_path, text=FILE):
     return path
 
 
+def programme(tmp_path, text=FILE):
+    return read_programme(written(tmp_path, text))
+
+
 def covariance(errors, first_tvd=0.0):
     return position_covariance(MD, INC, AZI, North.GRID, errors, REFERENCE, first_tvd)
 
 
 def test_a_file_gives_each_station_its_tool_and_run(tmp_path):
-    programme = read_programme(written(tmp_path))
+    whole = programme(tmp_path)
     stations = ProgrammeStations.plain(MD)
     methods = list(stations.methods)
     methods[-1] = "gyro"
-    tools = programme.errors(dataclasses.replace(stations, methods=methods)).tools
+    tools = whole.errors(dataclasses.replace(stations, methods=methods)).tools
     by_depth = dict(zip(MD, tools, strict=True))
     assert (by_depth[0.0].code, by_depth[600.0].code, by_depth[630.0].code) == ("GYRO-NS", "GYRO-NS", "MWD+IFR1+SAG")
     assert (by_depth[630.0].run, by_depth[1230.0].run) == ("BHA 2", "interval 3")
@@ -58,10 +63,10 @@ def test_another_tool_in_the_list_is_another_run():
 
 @pytest.mark.slow
 def test_the_tie_on_is_added_to_every_station(tmp_path):
-    programme = read_programme(written(tmp_path))
-    exact = dataclasses.replace(programme, tie_on=type(programme.tie_on)())
+    whole = programme(tmp_path)
+    exact = dataclasses.replace(whole, tie_on=type(whole.tie_on)())
     stations = ProgrammeStations.plain(MD)
-    more = covariance(programme.errors(stations)) - covariance(exact.errors(stations))
+    more = covariance(whole.errors(stations)) - covariance(exact.errors(stations))
     np.testing.assert_allclose(more, np.broadcast_to(np.diag([4.0, 1.0, 0.0]), more.shape), atol=1e-9)
 
 
@@ -72,17 +77,16 @@ def test_a_list_that_starts_deep_starts_with_a_tie_on_of_no_tool():
 
 
 def test_a_leg_has_rows_of_its_own(tmp_path):
-    path = written(tmp_path, "intervals:\n  - {leg: T2, code: MWD+IFR2+SAG+MS, run: a}\n  - {code: MWD+SRGM, run: b}\n")
+    rows = "intervals:\n  - {leg: T2, code: MWD+IFR2+SAG+MS, run: a}\n  - {code: MWD+SRGM, run: b}\n"
     stations = dataclasses.replace(ProgrammeStations.plain(MD[:3]), legs=["main", "main", "T2"])
-    assert [t.run for t in read_programme(path).errors(stations).tools] == ["b", "b", "a"]
+    assert [t.run for t in programme(tmp_path, rows).errors(stations).tools] == ["b", "b", "a"]
 
 
 def test_own_sigmas_replace_the_angles_of_the_code_and_keep_its_depth(tmp_path):
-    path = written(tmp_path, "intervals:\n  - {code: MWD+SRGM, angles: station}\n")
+    own = programme(tmp_path, OWN_SIGMAS)
     small = dataclasses.replace(ProgrammeStations.plain(MD), sigmas=np.full((MD.size, 2), math.radians(1e-4)))
     large = dataclasses.replace(small, sigmas=np.full((MD.size, 2), math.radians(1.0)))
-    programme = read_programme(path)
-    few, many = (covariance(programme.errors(stations))[-1] for stations in (small, large))
+    few, many = (covariance(own.errors(stations))[-1] for stations in (small, large))
     code = covariance(SurveyProgramme.of_code("MWD+SRGM").errors(small))[-1]
     # Depth stands; a degree at every station of the same run shifts the end by a degree of the way, in the vertical
     # part too: the direction is as uncertain there across the hole's later azimuth as along it.
@@ -94,9 +98,8 @@ def test_own_sigmas_replace_the_angles_of_the_code_and_keep_its_depth(tmp_path):
 
 
 def test_a_station_without_a_sigma_of_its_own_is_refused(tmp_path):
-    path = written(tmp_path, "intervals:\n  - {code: MWD+SRGM, angles: station}\n")
     with pytest.raises(ProgrammeError, match=r"the station at 30.0 m has no sigma of its own"):
-        read_programme(path).errors(ProgrammeStations.plain(MD))
+        programme(tmp_path, OWN_SIGMAS).errors(ProgrammeStations.plain(MD))
 
 
 @pytest.mark.parametrize(
@@ -114,13 +117,12 @@ def test_a_station_without_a_sigma_of_its_own_is_refused(tmp_path):
 )
 def test_a_file_that_cannot_be_used_is_told_in_a_sentence(tmp_path, text, words):
     with pytest.raises(ProgrammeError, match=words):
-        read_programme(written(tmp_path, text))
+        programme(tmp_path, text)
 
 
 def test_a_gap_in_the_programme_names_the_station(tmp_path):
-    path = written(tmp_path, "intervals: [{code: MWD+SRGM, to_m: 600}]")
     with pytest.raises(ProgrammeError, match=r"programme.yaml: no interval covers the station at 630.0 m"):
-        read_programme(path).errors(ProgrammeStations.plain(MD))
+        programme(tmp_path, "intervals: [{code: MWD+SRGM, to_m: 600}]").errors(ProgrammeStations.plain(MD))
 
 
 def test_the_programme_of_a_well_stands_in_its_table(tmp_path):

@@ -77,6 +77,12 @@ class Master:
         self.talk = None
 
 
+def commanded(authority):
+    """Who has control, and what was commanded last."""
+    now = authority.status(time.monotonic())
+    return now.lease, now.owner, now.sequence, now.mode
+
+
 def addressed(function):
     """Requests of a function to registers in and around the map, with as many bytes as they say, or not."""
     near = st.one_of(st.integers(95, 140), st.integers(0, 0xFFFF))
@@ -104,7 +110,7 @@ def test_no_request_but_a_whole_block_changes_who_has_control_or_what_is_command
         owner, attacker = Master(s.port), Master(s.port)
         lease = owner.ask_for_control(1)
         assert owner.rotate(lease, 1)[0] == WRITE
-        before = authority.status(time.monotonic())
+        before = commanded(authority)
 
         @BOUNDED
         @given(pdu=ATTACKS)
@@ -113,13 +119,7 @@ def test_no_request_but_a_whole_block_changes_who_has_control_or_what_is_command
             attacker.close()
             if is_whole_block(pdu):
                 return
-            now = authority.status(time.monotonic())
-            assert (now.lease, now.owner, now.sequence, now.mode) == (
-                before.lease,
-                before.owner,
-                before.sequence,
-                before.mode,
-            )
+            assert commanded(authority) == before
 
         attack()
         assert owner.rotate(lease, 2)[0] == WRITE

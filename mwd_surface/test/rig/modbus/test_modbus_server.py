@@ -6,13 +6,11 @@ import dataclasses
 import importlib.metadata
 import math
 import os
-import pty
 import select
 import shutil
 import socket
 import struct
 import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -71,12 +69,10 @@ def ask(port, function, address, count, unit=1, body=b""):
         return request(connection, function, address, count, unit, body)
 
 
-def test_the_whole_map_is_read_at_once():
-    with serving() as s:
-        answer = ask(s.port, 4, 0, COUNT)
-        block = struct.unpack(f">{COUNT}H", answer[2:])
-        assert block[0] == VERSION
-        assert float_of(block[10:12], ModbusForm()) == pytest.approx(40.0)
+def test_the_whole_map_is_read_at_once(served):
+    block = struct.unpack(f">{COUNT}H", ask(served.port, 4, 0, COUNT)[2:])
+    assert block[0] == VERSION
+    assert float_of(block[10:12], ModbusForm()) == pytest.approx(40.0)
 
 
 @pytest.mark.fault_case(89)
@@ -97,11 +93,10 @@ def test_the_whole_map_is_read_at_once():
         (6, 100, 99, 1, 2),
     ],
 )
-def test_what_is_not_on_the_map_is_refused_with_the_exception_for_it(function, address, count, unit, code):
-    with serving() as s:
-        before = ask(s.port, 4, 2, 36)
-        assert ask(s.port, function, address, count, unit) == bytes([function | 0x80, code])
-        assert ask(s.port, 4, 2, 36) == before
+def test_what_is_not_on_the_map_is_refused_with_the_exception_for_it(served, function, address, count, unit, code):
+    before = ask(served.port, 4, 2, 36)
+    assert ask(served.port, function, address, count, unit) == bytes([function | 0x80, code])
+    assert ask(served.port, 4, 2, 36) == before
 
 
 @pytest.mark.fault_case(89)
@@ -194,27 +189,12 @@ def test_too_many_connections_are_turned_away_and_idle_ones_closed():
         assert ask(s.port, 4, 0, 1)[0] == 4
 
 
-def test_junk_on_a_connection_leaves_the_others_alone():
-    with serving() as s, socket.create_connection(("127.0.0.1", s.port), 5.0) as good:
-        with socket.create_connection(("127.0.0.1", s.port), 5.0) as bad:
+def test_junk_on_a_connection_leaves_the_others_alone(served):
+    with socket.create_connection(("127.0.0.1", served.port), 5.0) as good:
+        with socket.create_connection(("127.0.0.1", served.port), 5.0) as bad:
             bad.sendall(b"\xff" * 5000)
             bad.sendall(b"GET / HTTP/1.1\r\n\r\n")
         assert request(good, 4, 0, 1)[0] == 4
-
-
-def test_a_taken_port_and_a_foreign_address_are_named():
-    with socket.create_server(("127.0.0.1", 0)) as holder:
-        port = holder.getsockname()[1]
-        with pytest.raises(InterfaceError, match=f"port {port} is taken"):
-            ModbusServer(ModbusSettings(port=port)).start()
-    with pytest.raises(InterfaceError, match="allow_network"):
-        server(host="192.0.2.1").start()
-
-
-def test_without_pymodbus_the_message_says_how_to_install_it(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pymodbus.server", None)
-    with pytest.raises(InterfaceError, match="pip install pymodbus"):
-        server().start()
 
 
 def test_an_older_pymodbus_is_named_with_the_version_that_serves(monkeypatch):
@@ -231,47 +211,44 @@ def test_it_starts_again_after_a_stop():
             eventually(lambda: ask(s.port, 4, 3, 1)[2:] == b"\x00\x0c")
 
 
-def test_pymodbustcp_reads_the_same():
+def test_pymodbustcp_reads_the_same(served):
     import pyModbusTCP.client as theirs
 
-    with serving() as s:
-        client = theirs.ModbusClient(host="127.0.0.1", port=s.port, unit_id=1, auto_close=True)
-        block = client.read_input_registers(0, COUNT)
-        assert float_of(block[14:16], ModbusForm()) == pytest.approx(630.0)
-        assert client.read_input_registers(COUNT, 1) is None
-        assert client.last_except == 2
-        client.close()
+    client = theirs.ModbusClient(host="127.0.0.1", port=served.port, unit_id=1, auto_close=True)
+    block = client.read_input_registers(0, COUNT)
+    assert float_of(block[14:16], ModbusForm()) == pytest.approx(630.0)
+    assert client.read_input_registers(COUNT, 1) is None
+    assert client.last_except == 2
+    client.close()
 
 
-def test_mbpoll_reads_the_same():
+def said(*words):
+    """What a program of others says."""
+    done = subprocess.run([*map(str, words)], capture_output=True, text=True, timeout=30, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def mbpoll(*words):
+    """The two floats from register 11 on, read by mbpoll: it counts from 1, and -B are big-endian words."""
     program = shutil.which("mbpoll")
     if program is None:
         pytest.skip("mbpoll is not installed: apt install mbpoll")
-    with serving() as s:
-        # It counts from 1, and its floats are big-endian words with -B.
-        command = [program, "-m", "tcp", "-p", str(s.port), "-a", "1", "-t", "3:float", "-B", "-r", "11", "-c", "2"]
-        done = subprocess.run([*command, "-1", "127.0.0.1"], capture_output=True, text=True, timeout=20, check=False)
-        assert done.returncode == 0, done.stderr
-        lines = [line.split() for line in done.stdout.splitlines() if line.startswith("[")]
-        assert [float(value) for _, value in lines] == pytest.approx([40.0, 79.8])
+    lines = said(program, *words[:-1], "-a", "1", "-t", "3:float", "-B", "-r", "11", "-c", "2", "-1", words[-1])
+    return [float(line.split()[1]) for line in lines.splitlines() if line.startswith("[")]
 
 
-def test_modbus_serial_of_node_reads_the_same():
+def test_mbpoll_reads_the_same(served):
+    assert mbpoll("-m", "tcp", "-p", served.port, "127.0.0.1") == pytest.approx([40.0, 79.8])
+
+
+def test_modbus_serial_of_node_reads_the_same(served):
     node = shutil.which("node")
     if node is None or not (PEERS / "node_modules" / "modbus-serial").exists():
         pytest.skip("node or modbus-serial is not there: npm install --prefix mwd_surface/test/peers")
-    with serving() as s:
-        done = subprocess.run(
-            [node, str(PEERS / "modbus_read.js"), str(s.port), str(COUNT)],
-            capture_output=True,
-            text=True,
-            timeout=30,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        version, inclination, azimuth, depth, refused = done.stdout.split()
-        assert (int(version), int(refused)) == (VERSION, 2)
-        assert [float(v) for v in (inclination, azimuth, depth)] == pytest.approx([40.0, 79.8, 630.0])
+    version, *numbers, refused = said(node, PEERS / "modbus_read.js", served.port, COUNT).split()
+    assert (int(version), int(refused)) == (VERSION, 2)
+    assert [float(number) for number in numbers] == pytest.approx([40.0, 79.8, 630.0])
 
 
 @contextlib.contextmanager
@@ -338,22 +315,6 @@ def test_a_line_that_is_not_there_is_named():
         ModbusSerial(ModbusSerialSettings(device="/dev/no-such-line"), ModbusSettings()).start()
 
 
-def test_a_line_that_goes_away_is_reported_so_that_it_is_opened_anew():
-    theirs, ours = pty.openpty()
-    with started(ModbusSerial(ModbusSerialSettings(device=os.ttyname(ours)), ModbusSettings())) as s:
-        eventually(lambda: s.status().peers)
-        eventually(lambda: s._seen)
-        os.close(ours)
-        os.close(theirs)
-        eventually(lambda: s.status().state == "stopped")
-        assert "is gone" in s.status().reason
-
-
 def test_mbpoll_reads_the_same_over_a_line():
-    mbpoll = shutil.which("mbpoll")
-    if mbpoll is None:
-        pytest.skip("mbpoll is not installed: apt install mbpoll")
-    words = ["-m", "rtu", "-b", "19200", "-P", "none", "-a", "1", "-t", "3:float", "-B", "-r", "11", "-c", "2", "-1"]
     with on_a_line() as (_, line), extended(line) as device:
-        done = subprocess.run([mbpoll, *words, device], capture_output=True, text=True, timeout=20, check=False)
-    assert "[11]: \t40\n" in done.stdout, done.stdout + done.stderr
+        assert mbpoll("-m", "rtu", "-b", "19200", "-P", "none", device) == pytest.approx([40.0, 79.8])

@@ -4,7 +4,6 @@
 import contextlib
 import math
 import os
-import pty
 import select
 import time
 
@@ -110,12 +109,3 @@ def test_a_frame_file_with_an_unknown_quantity_or_a_device_that_is_missing_is_re
         PolledUnit(PolledSettings(device="/dev/null", frame_file=str(tmp_path / "host.yaml"))).start()
     with pytest.raises(InterfaceError, match="No such file"):
         PolledUnit(PolledSettings(device=str(tmp_path / "none"))).start()
-
-
-def test_a_line_that_goes_away_is_reported_so_that_it_is_opened_anew():
-    theirs, ours = pty.openpty()
-    with started(PolledUnit(PolledSettings(device=os.ttyname(ours)))) as unit:
-        os.close(ours)
-        os.close(theirs)
-        eventually(lambda: unit.status().state == "stopped")
-        assert "is gone" in unit.status().reason

@@ -4,7 +4,6 @@
 import contextlib
 import os
 import socket
-import sys
 
 import pytest
 from example_rig import eventually, pseudo_terminal, started, values
@@ -13,12 +12,16 @@ from hypothesis import strategies as st
 
 from mwd_surface.rig.backoff import Backoff
 from mwd_surface.rig.input import RigInputSettings
-from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.rig.wits.client import Wits0Client, Wits0ClientSettings, Wits0Serial, Wits0SerialSettings
 from mwd_surface.rig.wits.format import Decoder
 from mwd_surface.rig.wits.link import Wits0Settings
 
 FAST = Backoff(first=0.01, longest=0.05)
+ACCEPT = Wits0Settings(rig=RigInputSettings(accept=True))
+
+
+def client(listener, *more):
+    return Wits0Client(Wits0ClientSettings(port=listener.getsockname()[1], backoff=FAST), *more)
 
 
 def frames_until(read, wanted):
@@ -31,9 +34,9 @@ def frames_until(read, wanted):
 
 
 @contextlib.contextmanager
-def recorder():
-    """A recorder that listens, on a port of its own."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
+def recorder(port=0):
+    """A recorder that listens, on a port of its own or the given one."""
+    with socket.create_server(("127.0.0.1", port)) as listener:
         listener.settimeout(5.0)
         yield listener
 
@@ -52,56 +55,48 @@ def test_waits_double_up_to_the_longest_wait_and_are_shortened_by_up_to_half(fai
 
 def test_it_connects_sends_and_takes_rig_data_back():
     taken = []
-    talk = Wits0Settings(rig=RigInputSettings(accept=True))
-    with recorder() as listener:
-        port = listener.getsockname()[1]
-        with started(Wits0Client(Wits0ClientSettings(port=port, backoff=FAST), talk, taken.append)) as client:
-            connection, _ = listener.accept()
-            connection.settimeout(5.0)
-            with connection:
-                client.publish(values())
-                frames = frames_until(lambda: connection.recv(4096), 717)
-                assert any(f.number(713) == 40.0 for f in frames)
-                connection.sendall(b"&&\r\n01081234.5\r\n!!\r\n")
-                eventually(lambda: taken)
-                assert float(taken[0]["bit_depth"][0]) == 1234.5
-                assert client.status().state == "connected"
+    with recorder() as listener, started(client(listener, ACCEPT, taken.append)) as calling:
+        connection, _ = listener.accept()
+        connection.settimeout(5.0)
+        with connection:
+            calling.publish(values())
+            frames = frames_until(lambda: connection.recv(4096), 717)
+            assert any(f.number(713) == 40.0 for f in frames)
+            connection.sendall(b"&&\r\n01081234.5\r\n!!\r\n")
+            eventually(lambda: taken)
+            assert float(taken[0]["bit_depth"][0]) == 1234.5
+            assert calling.status().state == "connected"
 
 
 @pytest.mark.fault_case(75)
 def test_a_link_that_drops_again_and_again_is_taken_up_again_each_time():
-    with recorder() as listener:
-        port = listener.getsockname()[1]
-        with started(Wits0Client(Wits0ClientSettings(port=port, backoff=FAST))) as client:
-            client.publish(values())
-            for _ in range(5):
-                connection, _ = listener.accept()
-                frames_until(lambda connection=connection: connection.recv(4096), 713)
-                connection.close()
-            status = eventually(lambda: client.status() if client.status().sent >= 5 else None)
-            assert dict(status.counts)["connections"] >= 5
+    with recorder() as listener, started(client(listener)) as calling:
+        calling.publish(values())
+        for _ in range(5):
+            connection, _ = listener.accept()
+            frames_until(lambda connection=connection: connection.recv(4096), 713)
+            connection.close()
+        eventually(lambda: calling.status().sent >= 5)
+        assert dict(calling.status().counts)["connections"] >= 5
 
 
 def test_a_recorder_that_is_not_there_is_reported_and_it_goes_on_trying():
     with recorder() as listener:
-        port = listener.getsockname()[1]
-    with started(Wits0Client(Wits0ClientSettings(port=port, backoff=FAST))) as client:
-        eventually(lambda: client.failures >= 3)
-        status = client.status()
-        assert status.state == "connecting"
-        assert str(port) in status.reason
-        with socket.create_server(("127.0.0.1", port)) as listener:
-            listener.settimeout(5.0)
+        port, absent = listener.getsockname()[1], client(listener)
+    with started(absent) as calling:
+        eventually(lambda: calling.failures >= 3)
+        assert calling.status().state == "connecting"
+        assert str(port) in calling.status().reason
+        with recorder(port) as listener:
             connection, _ = listener.accept()
             connection.close()
 
 
 def test_a_serial_line_carries_the_same_both_ways():
     taken = []
-    talk = Wits0Settings(rig=RigInputSettings(accept=True))
     with pseudo_terminal() as (ours, device):
         settings = Wits0SerialSettings(device=device, backoff=FAST)
-        with started(Wits0Serial(settings, talk, taken.append)) as line:
+        with started(Wits0Serial(settings, ACCEPT, taken.append)) as line:
             line.publish(values())
             frames = frames_until(lambda: os.read(ours, 4096), 717)
             assert any(f.number(713) == 40.0 for f in frames)
@@ -116,9 +111,3 @@ def test_a_serial_device_that_is_not_there_is_reported_and_tried_again():
     with started(Wits0Serial(Wits0SerialSettings(device="/dev/no-such-line", backoff=FAST))) as line:
         eventually(lambda: line.failures >= 2)
         assert "/dev/no-such-line" in line.status().reason
-
-
-def test_without_pyserial_the_message_says_how_to_install_it(monkeypatch):
-    monkeypatch.setitem(sys.modules, "serial", None)
-    with pytest.raises(InterfaceError, match="pip install pyserial"):
-        Wits0Serial(Wits0SerialSettings()).start()

@@ -7,14 +7,15 @@ import socket
 import threading
 
 import pytest
-from example_rig import eventually, rig_state, started, values
+from example_rig import eventually, started, values
 from example_surveys import survey, surveys
 
 from mwd_surface.rig.input import RigInputSettings
-from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.rig.wits.format import Decoder
 from mwd_surface.rig.wits.link import Wits0Settings
 from mwd_surface.rig.wits.server import Wits0Server, Wits0ServerSettings
+
+ACCEPT = Wits0Settings(rig=RigInputSettings(accept=True))
 
 
 def server(talk=None, on_rig_state=None, **changes):
@@ -43,11 +44,9 @@ def read_until(connection, wanted):
 
 def ended(connection):
     """True once the other side closed."""
-    try:
+    with contextlib.suppress(ConnectionResetError):
         while connection.recv(4096):
             continue
-    except ConnectionResetError:
-        return True
     return True
 
 
@@ -70,25 +69,6 @@ def test_a_peer_that_comes_later_gets_the_last_survey_first():
         s.publish(values())
         with peer(s.port) as late:
             assert read_until(late, 713)[0].number(708) == 630.0
-
-
-def test_the_address_must_be_loopback_unless_allowed():
-    with pytest.raises(InterfaceError, match="allow_network"):
-        server(host="192.0.2.1").start()
-
-
-def test_a_taken_port_is_named_with_a_hint():
-    with socket.socket() as holder:
-        holder.bind(("127.0.0.1", 0))
-        holder.listen()
-        port = holder.getsockname()[1]
-        with pytest.raises(InterfaceError, match=f"port {port} is taken"):
-            Wits0Server(Wits0ServerSettings(port=port)).start()
-
-
-def test_an_address_of_another_machine_is_named():
-    with pytest.raises(InterfaceError, match="not an address of this machine"):
-        server(host="192.0.2.1", allow_network=True).start()
 
 
 def test_it_starts_again_after_a_stop():
@@ -148,8 +128,7 @@ def test_junk_is_survived_and_counted_and_a_good_frame_after_it_is_read():
 
 def test_the_keep_alive_of_a_recorder_is_no_data():
     taken = []
-    talk = Wits0Settings(rig=RigInputSettings(accept=True))
-    with started(server(talk, taken.append)) as s, peer(s.port) as one:
+    with started(server(ACCEPT, taken.append)) as s, peer(s.port) as one:
         one.sendall(b"&&\r\n1984PASON/EDR\r\n0111-9999\r\n!!\r\n&&\r\n0108-9999\r\n!!\r\n")
         eventually(lambda: s.status().received == 2)
         assert taken == []
@@ -157,8 +136,7 @@ def test_the_keep_alive_of_a_recorder_is_no_data():
 
 def test_rig_data_are_handed_on_from_one_peer_only_and_only_when_accepted():
     taken = []
-    talk = Wits0Settings(rig=RigInputSettings(accept=True))
-    with started(server(talk, taken.append)) as s, peer(s.port) as one, peer(s.port) as two:
+    with started(server(ACCEPT, taken.append)) as s, peer(s.port) as one, peer(s.port) as two:
         one.sendall(b"&&\r\n01082214.3\r\n01102215.0\r\n0120120\r\n!!\r\n")
         eventually(lambda: len(taken) == 1)
         assert float(taken[0]["bit_depth"][0]) == 2214.3
@@ -181,7 +159,7 @@ def test_five_hundred_connections_leave_those_that_are_served_alone():
             with peer(s.port) as extra:
                 assert ended(extra)
         assert s.refused == 500
-        s.publish(values(rig=rig_state()))
+        s.publish(values())
         for connection in served:
             read_until(connection, 717)
 

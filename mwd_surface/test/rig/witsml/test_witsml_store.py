@@ -19,6 +19,7 @@ from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.rig.witsml.store import WitsmlStore, WitsmlStoreSettings, answer_texts
 
 ENVELOPE = '<s:Envelope xmlns:s="http://schemas.xmlsoap.org/soap/envelope/"><s:Body>{}</s:Body></s:Envelope>'
+VERSION = ENVELOPE.format("<r><Result>1.3.1.1,1.4.1.1</Result></r>").encode()
 
 
 @pytest.fixture(scope="module")
@@ -47,10 +48,7 @@ class Stub(http.server.BaseHTTPRequestHandler):
 
     def answer(self, order, call):
         if order == "WMLS_GetVersion":
-            result = self.server.versions
-            return ENVELOPE.format(
-                f"<WMLS_GetVersionResponse><Result>{result}</Result></WMLS_GetVersionResponse>"
-            ).encode()
+            return VERSION
         assert call.findtext("WMLtypeIn") == "trajectory"
         document = call.findtext("QueryIn" if order == "WMLS_DeleteFromStore" else "XMLin")
         (trajectory,) = ET.fromstring(document.encode())  # noqa: S314
@@ -70,12 +68,10 @@ class Stub(http.server.BaseHTTPRequestHandler):
 
 
 @contextlib.contextmanager
-def store(**changes):
+def store(answers=()):
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Stub)
-    server.orders, server.headers, server.kept, server.answers, server.deleted = [], [], {}, [], []
-    server.versions = "1.3.1.1,1.4.1.1"
-    for name, value in changes.items():
-        setattr(server, name, value)
+    server.orders, server.headers, server.kept, server.deleted = [], [], {}, []
+    server.answers = list(answers)
     thread = threading.Thread(target=server.serve_forever, args=(0.01,))
     thread.start()
     try:
@@ -91,14 +87,18 @@ def client(server, **changes):
     return WitsmlStore(WitsmlStoreSettings(url=url, backoff=Backoff(0.01, 0.05), timeout=5.0, **changes))
 
 
+def send(push, document, sent=1):
+    """Push a document, and wait until so many are sent."""
+    push.push(document)
+    eventually(lambda: push.status().sent == sent)
+
+
 def test_a_trajectory_is_added_and_afterwards_updated_and_arrives_unchanged(document):
     with store() as server, started(client(server)) as push:
-        push.push(document)
-        eventually(lambda: push.status().sent == 1)
+        send(push, document)
         assert list(server.kept.values()) == [document]
         changed = document.replace("<definitive>true", "<definitive>false")
-        push.push(changed)
-        eventually(lambda: push.status().sent == 2)
+        send(push, changed, 2)
         assert list(server.kept.values()) == [changed]
         assert server.orders == ["WMLS_GetVersion", "WMLS_AddToStore", "WMLS_UpdateInStore"]
         status = push.status()
@@ -109,8 +109,7 @@ def test_a_trajectory_that_the_store_already_has_is_updated(document):
     with store() as server:
         for _ in range(2):
             with started(client(server)) as push:
-                push.push(document)
-                eventually(lambda push=push: push.status().sent == 1)
+                send(push, document)
         assert server.orders[-3:] == ["WMLS_GetVersion", "WMLS_AddToStore", "WMLS_UpdateInStore"]
 
 
@@ -118,29 +117,23 @@ def test_a_station_that_is_taken_out_of_the_survey_is_deleted_in_the_store(docum
     whole = surveys()
     less = survey_table(whole.reject(7, "Bo", "casing", MADE), MADE)
     with store() as server, started(client(server)) as push:
-        push.push(document)
-        eventually(lambda: push.status().sent == 1)
-        push.push(witsml(less))
-        eventually(lambda: push.status().sent == 2)
+        send(push, document)
+        send(push, witsml(less), 2)
         assert server.deleted == [whole.find(7).survey.uuid]
 
 
 def test_the_same_document_is_sent_once(document):
     with store() as server, started(client(server)) as push:
         for _ in range(5):
-            push.push(document)
-            eventually(lambda: push.status().sent == 1)
+            send(push, document)
         assert server.orders.count("WMLS_AddToStore") == 1
 
 
 def test_after_failures_it_is_tried_again_until_it_goes_through(document):
     fault = ENVELOPE.format("<s:Fault><faultstring>database is down</faultstring></s:Fault>").encode()
-    with (
-        store(answers=[(500, fault), (503, b""), (200, b"no xml"), (302, b"")]) as server,
-        started(client(server)) as push,
-    ):
-        push.push(document)
-        eventually(lambda: push.status().sent == 1)
+    answers = [(500, fault), (503, b""), (200, b"no xml"), (302, b"")]
+    with store(answers) as server, started(client(server)) as push:
+        send(push, document)
         assert dict(push.status().counts)["failures"] == 4
         assert push.status().reason == ""
 
@@ -157,7 +150,7 @@ def test_after_failures_it_is_tried_again_until_it_goes_through(document):
     ],
 )
 def test_the_reason_of_a_failure_is_reported(answer, reason, document):
-    with store(answers=[answer] * 10_000) as server, started(client(server)) as push:
+    with store([answer] * 10_000) as server, started(client(server)) as push:
         push.push(document)
         eventually(lambda: reason in push.status().reason)
         assert push.status().state == "connecting"
@@ -174,8 +167,7 @@ def test_a_store_that_is_not_there_is_reported_and_tried_again(document):
 
 def test_a_refusal_carries_the_number_and_words_of_the_store(document):
     refusal = ENVELOPE.format("<r><Result>-401</Result><SuppMsgOut>not &lt;valid&gt;</SuppMsgOut></r>").encode()
-    version = ENVELOPE.format("<r><Result>1.4.1.1</Result></r>").encode()
-    with store(answers=[(200, version), *[(200, refusal)] * 1000]) as server, started(client(server)) as push:
+    with store([(200, VERSION), *[(200, refusal)] * 1000]) as server, started(client(server)) as push:
         push.push(document)
         eventually(lambda: "refused with -401: not <valid>" in push.status().reason)
 
@@ -184,8 +176,7 @@ def test_the_password_comes_from_a_file_and_never_goes_out_in_the_clear_to_anoth
     secret = tmp_path / "password"
     secret.write_text("hush\n")
     with store() as server, started(client(server, user="bo", password_file=str(secret))) as push:
-        push.push(document)
-        eventually(lambda: push.status().sent == 1)
+        send(push, document)
         assert server.headers[0]["Authorization"] == "Basic " + base64.b64encode(b"bo:hush").decode()
         assert "hush" not in repr(push.status())
     exposed = WitsmlStoreSettings(url="http://store.example/", user="bo", password_file=str(secret))

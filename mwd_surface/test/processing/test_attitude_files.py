@@ -1,29 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Attitude as text: exact digits, empty cells for the unknown, the same bytes in one block or many."""
+"""Attitude as CSV and as Parquet: exact digits, nothing for the unknown, the same bytes in one block or many."""
 
+import csv
+import io
 import itertools
 import math
+from contextlib import closing
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mwd_estimation.core.north import North
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
-from mwd_surface.processing import attitude_csv
+from mwd_surface.processing import attitude_csv, attitude_parquet
+
+ANGLES = ("inclination", "azimuth", "gravity_toolface")
+SIGMAS = tuple(f"sigma_{name}" for name in ANGLES)
 
 
 def samples(n, seed=1):
     rng = np.random.default_rng(seed)
     attitude, gravity = wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n)
     attitude["stamp_ns"] = gravity["stamp_ns"] = 1_772_344_800_000_000_000 + np.arange(n) * 10_000_000
-    for name in ("inclination", "azimuth", "gravity_toolface"):
-        attitude[name] = rng.uniform(0.0, math.pi, n)
-    for name in ("sigma_inclination", "sigma_azimuth", "sigma_gravity_toolface"):
-        attitude[name] = rng.uniform(0.0, 0.1, n)
+    for angle, sigma in zip(ANGLES, SIGMAS, strict=True):
+        attitude[angle], attitude[sigma] = rng.uniform(0.0, math.pi, n), rng.uniform(0.0, 0.1, n)
     gravity["gravity"] = rng.normal(size=(n, 3)) / 2.0
-    attitude["status"] = rng.choice([0, 2, 66, 65664], n)
+    attitude["status"], attitude["north"] = rng.choice([0, 2, 66, 65664], n), int(North.TRUE)
     return attitude, gravity
 
 
@@ -31,27 +37,11 @@ def cells(attitude, gravity):
     return [line.split(",") for line in bytes(attitude_csv.CsvLines()(attitude, gravity)).decode().splitlines()]
 
 
-@pytest.mark.slow
-def test_every_line_has_the_columns_of_the_header():
-    names = attitude_csv.HEADER.split(",")
-    assert all(len(line) == len(names) == 11 for line in cells(*samples(50)))
-
-
 def test_numbers_read_back_to_half_of_their_last_digit():
     attitude, gravity = samples(300)
     lines = cells(attitude, gravity)
     assert [int(line[0]) for line in lines] == attitude["stamp_ns"].tolist()
-    for column, name in enumerate(
-        (
-            "inclination",
-            "azimuth",
-            "gravity_toolface",
-            "sigma_inclination",
-            "sigma_azimuth",
-            "sigma_gravity_toolface",
-        ),
-        1,
-    ):
+    for column, name in enumerate((*ANGLES, *SIGMAS), 1):
         read = np.array([float(line[column]) for line in lines])
         np.testing.assert_allclose(read, np.degrees(attitude[name]), rtol=0.0, atol=0.51e-6)
     read = np.array([[float(cell) for cell in line[7:10]] for line in lines])
@@ -103,3 +93,39 @@ def test_any_number_reads_back(value, stamp, angle):
     assert line[0] == str(stamp)
     assert abs(float(line[1]) - math.degrees(angle / 2.0)) < 0.51e-6
     assert abs(float(line[8]) - value) < 0.51e-9
+
+
+def parquet(path, attitude, gravity, block):
+    """A Parquet file, written in blocks."""
+    with closing(attitude_parquet.ParquetWriter(path)) as writer:
+        for k in range(0, len(attitude) + 1, block):
+            writer.write(attitude[k : k + block], gravity[k : k + block])
+    return pq.ParquetFile(path)
+
+
+@pytest.mark.slow
+def test_parquet_holds_the_cells_of_the_csv(tmp_path):
+    attitude, gravity = samples(500)
+    for name in SIGMAS:
+        attitude[name][::7] = np.nan
+    gravity["sigma"][::11] = np.nan
+    table = parquet(tmp_path / "a.parquet", attitude, gravity, 125).read()
+    text = attitude_csv.HEADER + "\n" + bytes(attitude_csv.CsvLines()(attitude, gravity)).decode()
+    assert table.column_names == [*attitude_csv.HEADER.split(","), "north"]
+    for line, row in zip(csv.DictReader(io.StringIO(text)), table.to_pylist(), strict=True):
+        assert row.pop("north") == "true"
+        assert row.pop("status") == line.pop("status")
+        assert row.pop("stamp_ns") == int(line.pop("stamp_ns"))
+        assert line.keys() == row.keys()
+        for name, cell in line.items():
+            assert (row[name] is None) == (cell == "")
+            assert cell == "" or row[name] == pytest.approx(float(cell), abs=6e-7)
+
+
+def test_row_groups_of_parquet_are_written_as_they_fill(tmp_path, monkeypatch):
+    monkeypatch.setattr(attitude_parquet, "_GROUP_ROWS", 200)
+    attitude, gravity = samples(500)
+    attitude["status"] = np.where(np.arange(500) < 100, int(Status.STILL), int(Status.ROTATING | Status.NO_MAG))
+    file = parquet(tmp_path / "a.parquet", attitude, gravity, 100)
+    assert [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)] == [200, 200, 100]
+    assert set(file.read().column("status").to_pylist()) == {"still", "rotating|no_mag"}
