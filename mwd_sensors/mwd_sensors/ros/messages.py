@@ -21,7 +21,7 @@ def make(name: str, fields: dict[str, Any]) -> Any:
     return message_type(name)(**fields)
 
 
-def unknown(message: Any, /, **fields: Any) -> Any:
+def unknown(message_type: Any, **fields: Any) -> Any:
     """Return a message of a class with the given fields; every other float64 field is NaN, which ROS would set to 0."""
-    numbers = (name for name, kind in message.get_fields_and_field_types().items() if kind == "double")
-    return message(**{**dict.fromkeys(numbers, math.nan), **fields})
+    numbers = (name for name, kind in message_type.get_fields_and_field_types().items() if kind == "double")
+    return message_type(**{**dict.fromkeys(numbers, math.nan), **fields})
