@@ -78,11 +78,6 @@ class Graph:
         program = str(Path(sys.prefix) / "lib" / EXECUTABLES[node] / node)
         return self._start([program, "--ros-args", *arguments], node, namespace, parameters)
 
-    def command(self, node: str, namespace: str = "", **parameters: Any) -> str:
-        """Start a node as `mwd node` does."""
-        words = [sys.executable, "-P", "-m", "mwd_surface.cli", "node", node, "--ros-args"]
-        return self._start(words, node, namespace, parameters)
-
     def _start(self, words: list[str], node: str, namespace: str, parameters: dict[str, Any]) -> str:
         words += ["-r", f"__ns:=/{namespace}"] if namespace else []
         for key, value in parameters.items():
