@@ -10,16 +10,19 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
+import urllib.request
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.rig.status import FILE_NAME, read_status
 from mwd_surface.runs import launch_plan
 
 EXECUTABLES = {
@@ -31,6 +34,7 @@ EXECUTABLES = {
     "replay": "mwd_surface",
     "probe": "mwd_sensors",
 }
+MWD = (sys.executable, "-P", "-m", "mwd_surface.cli")
 # Limits in seconds are those of an idle machine; they end what hangs, and are no claim on speed.
 PATIENCE = 4.0
 PLACE = {"place.field": "model", "place.lat_deg": 38.3, "place.lon_deg": 109.6}
@@ -74,22 +78,42 @@ class Graph:
         program = str(Path(sys.prefix) / "lib" / EXECUTABLES[node] / node)
         return self._start([program, "--ros-args", *arguments], node, namespace, parameters)
 
-    def command(self, node: str, namespace: str = "", **parameters: Any) -> str:
-        """Start a node as `mwd node` does."""
-        words = [sys.executable, "-P", "-m", "mwd_surface.cli", "node", node, "--ros-args"]
-        return self._start(words, node, namespace, parameters)
-
     def _start(self, words: list[str], node: str, namespace: str, parameters: dict[str, Any]) -> str:
         words += ["-r", f"__ns:=/{namespace}"] if namespace else []
         for key, value in parameters.items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
             words += ["-p", f"{key.replace('__', '.')}:={text}"]
-        name = f"{namespace}/{node}"
+        return self.begin(f"{namespace}/{node}", *words)
+
+    def begin(self, name: str, *words: Any) -> str:
+        """Start a program in the background, under a name by which it is ended and its log is found."""
         with (self.folder / f"{name.replace('/', '_')}.log").open("ab") as log:
             self.running[name] = subprocess.Popen(
-                words, env=self.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+                list(map(str, words)),
+                env=self.environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
             )
         return name
+
+    def run(self, *words: Any) -> subprocess.CompletedProcess[str]:
+        """Run a program to its end in the environment of the graph."""
+        return subprocess.run(
+            list(map(str, words)), env=self.environment, capture_output=True, text=True, timeout=900.0, check=False
+        )
+
+    def report(self, script: str, *words: Any) -> Any:
+        """Run a Python program, a node of its own, and return the JSON of the last line that it prints."""
+        done = self.run(sys.executable, "-c", script, *words)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout.splitlines()[-1])
+
+    def active(self, *names: str) -> None:
+        """Wait until nodes are active."""
+        for name in names:
+            until(lambda name=name: ": active" in self.log(name), 120.0, f"{name} is active")
 
     def log(self, name: str) -> str:
         """Output of a node so far."""
@@ -148,3 +172,30 @@ def samples_of(path: Path, topic: str) -> Any:
 
     with Bag(path) as bag:
         return np.concatenate([block[topic][1] for block in bag.blocks([topic]) if topic in block])
+
+
+def messages_of(path: Path, topic: str) -> list[Any]:
+    """Return all messages of a topic of a bag."""
+    with Bag(path) as bag:
+        return [bag.decode(topic, data) for _, _, _, data in bag.messages([topic])]
+
+
+def sections(page: str) -> dict[str, Any]:
+    """Return the tables of a page; none while it does not answer, or before its first state."""
+    try:
+        with urllib.request.urlopen(f"{page}state.json", timeout=30.0) as answer:  # noqa: S310  (loopback)
+            return dict(json.load(answer)["sections"])
+    except (OSError, ValueError, KeyError):
+        return {}
+
+
+def rig_addresses(well: Path) -> dict[str, str]:
+    """Wait until the rig interfaces of a well listen; return their addresses by name. well: its folder."""
+
+    def found() -> dict[str, str]:
+        with contextlib.suppress(OSError):
+            addresses = {one.name: one.address for one in read_status(well / FILE_NAME).interfaces}
+            return addresses if all(addresses.values()) else {}
+        return {}
+
+    return dict(until(found, 60.0, "the rig interfaces listen"))

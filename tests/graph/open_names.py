@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Program of test_security.py: print what the nodes that are named have open, once it no longer changes."""
+"""Program of tests: print what the nodes that are named have open, once it no longer changes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LONGEST = 120.0  # s
 
 def read_graph(visitor: Any, nodes: Iterable[str]) -> dict[str, dict[str, list[str]]]:
     """
-    Read the topics, services and actions that nodes of a running graph have open.
+    Read the topics, services and actions that nodes of a running graph have open, by their full names.
 
     visitor: rclpy node on the same domain. nodes: full names.
     """
@@ -33,7 +33,7 @@ def read_graph(visitor: Any, nodes: Iterable[str]) -> dict[str, dict[str, list[s
             "execute": lambda node, where: action_servers(visitor, node, where),
             "call": lambda node, where: action_clients(visitor, node, where),
         }
-        table[name] = {kind: _relative(found(name, space or "/"), space, name) for kind, found in open_.items()}
+        table[full] = {kind: _relative(found(name, space or "/"), space, name) for kind, found in open_.items()}
     return table
 
 

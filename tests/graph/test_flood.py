@@ -1,21 +1,51 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rogue publisher floods a running well: services answer, memory stays bounded, and the well is whole afterwards."""
+"""A running well names an injected fault, and a rogue publisher floods it: it answers, and is whole afterwards."""
 
 import json
 import subprocess
 import sys
-import urllib.request
 from pathlib import Path
 
 import pytest
 
 import running_graph
-from mwd_surface.runs import launch_plan
 from project import SCENARIOS
-from running_graph import CALL, PLACE, until
+from running_graph import CALL, PLACE, sections, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(10)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(15)]
 RATE, FLOOD = 10_000, 80_000
+
+FAULT = (
+    CALL
+    + """
+import functools, json, time
+from diagnostic_msgs.msg import DiagnosticArray
+from mwd_msgs.srv import InjectFault
+PATIENCE = 480.0
+rclpy.init(); node = rclpy.create_node("talk"); reported = {}
+inject = functools.partial(call, node, InjectFault, "/w1/inject_fault")
+received = []
+node.create_subscription(DiagnosticArray, "/diagnostics", received.append, 10)
+def found(words, within):
+    end, other = time.monotonic() + within, ""
+    while time.monotonic() < end:
+        rclpy.spin_once(node, timeout_sec=0.1)
+        for status in [one for array in received for one in array.status]:
+            if "sensors" not in status.name: continue
+            level, other = status.level, status.message
+            if words in status.message:
+                return [level[0] if isinstance(level, bytes) else int(level), status.message]
+        received.clear()
+    return [-1, other]
+reported["healthy"] = found("healthy", PATIENCE)
+reported["refused"] = inject(component="accel", fault="swapped").message
+reported["injected"] = inject(component="accel", fault="swapped", axis="xz").success
+reported["named"] = found("x and z exchanged", PATIENCE)
+reported["cleared"] = inject(component="accel", fault="ok").success
+reported["well"] = found("healthy", PATIENCE)
+print(json.dumps(reported))
+"""
+)
 
 # Both streams of samples and rig data, at this rate together or as fast as the machine can.
 ROGUE = f"""
@@ -70,15 +100,6 @@ print(json.dumps({"answers": answers, "longest": longest, "alarms": alarms}))
 )
 
 
-def sections(page):
-    """Tables of the page; empty while it does not answer in time."""
-    try:
-        with urllib.request.urlopen(f"http://127.0.0.1:{page}/state.json", timeout=30) as answer:
-            return json.load(answer)["sections"]
-    except (OSError, ValueError):
-        return {}
-
-
 def is_live(page):
     """Whether the page shows a live attitude, a recording, and one source of rig data."""
     shown = sections(page)
@@ -95,16 +116,21 @@ def memory_mb(graph, *names):
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A well in a flood, and afterwards."""
+    """A well with a fault, in a flood, and afterwards."""
     folder = tmp_path_factory.mktemp("flood")
+    # Longer than any machine takes for what is asked.
     (folder / "long.yaml").write_text(
         (SCENARIOS / "bench" / "drillvib.yaml").read_text().replace("seconds: 120.0", "seconds: 3600.0")
     )
-    with running_graph.graph(folder) as graph, launch_plan.page_port(None) as page:
-        surface = graph.start("surface", "w1", folder=folder / "data", page__port=page, record__name="run")
-        estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
-        sonde = graph.start("sonde", "w1", scenario=folder / "long.yaml", wait_for_listener_s=60.0)
+    with running_graph.graph(folder) as graph:
+        surface = graph.start("surface", "w1", folder=folder / "data", page__port=0, record__name="run")
+        estimator = graph.start("estimator", "w1", **PLACE)
+        settings = {"scenario": folder / "long.yaml", "fault_injection": True, "wait_for_listener_s": 60.0}
+        sonde = graph.start("sonde", "w1", **settings)
+        graph.active(surface)
+        page = graph.log(surface).split("page: ")[1].split()[0]
         until(lambda: is_live(page), 120, "a live attitude")
+        fault = graph.report(FAULT)
         before = memory_mb(graph, surface, estimator)
         rogue = subprocess.Popen([sys.executable, "-c", ROGUE], env=graph.environment, stdout=subprocess.PIPE)
         talk = subprocess.Popen(
@@ -118,12 +144,27 @@ def run(tmp_path_factory):
         ends = [graph.end(name)[0] for name in (sonde, estimator, surface)]
         logs = "".join(graph.log(name) for name in (sonde, estimator, surface))
         return {
+            "fault": fault,
+            "estimator": graph.log(estimator),
             "sent": int(said.split()[1]),
             "told": json.loads(told.splitlines()[-1]),
             "growth": [b - a for a, b in zip(before, after, strict=True)],
             "ends": ends,
             "logs": logs,
         }
+
+
+def test_an_injected_fault_is_named_in_diagnostics_and_goes_when_it_is_taken_back(run):
+    fault = run["fault"]
+    assert fault["healthy"][0] == 0
+    assert "two axes" in fault["refused"]
+    assert fault["injected"]
+    assert fault["named"][0] == 2
+    assert "accelerometer" in fault["named"][1]
+    assert fault["cleared"]
+    assert fault["well"][0] == 0
+    assert "x and z exchanged; correct the axes" in run["estimator"]
+    assert "(has ended)" in run["estimator"]
 
 
 @pytest.mark.fault_case(55)

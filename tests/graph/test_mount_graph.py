@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A unit mounted z-down beside a magnetometer in a frame of its own: processed by preset and by tf, and live by tf."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -20,7 +17,7 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import installed
 from mwd_surface.processing import process
 from mwd_surface.runs import simulate
-from running_graph import PLACE, samples_of, until
+from running_graph import MWD, PLACE, samples_of
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow(7)]
 
@@ -110,11 +107,10 @@ def test_the_live_estimator_turns_units_by_tf_as_the_recording_does(bags, tmp_pa
     with running_graph.graph(tmp_path) as graph:
         surface = graph.start("surface", folder=tmp_path / "data", serve_page=False, record__name="live")
         mount = {"tool__mount__imu": "tf", "tool__mount__mag": "tf"}
-        estimator = graph.start("estimator", **{k.replace(".", "__"): v for k, v in PLACE.items()}, **mount)
-        for name in (surface, estimator):
-            until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
-        words = [sys.executable, "-P", "-m", "mwd_surface.cli", "replay", str(bags[1]), "--wait", "60", "--rate", "2"]
-        subprocess.run(words, env=graph.environment, check=True, timeout=240, capture_output=True)
+        estimator = graph.start("estimator", **PLACE, **mount)
+        graph.active(surface, estimator)
+        replayed = graph.run(*MWD, "replay", bags[1], "--wait", 60, "--rate", 6)
+        assert replayed.returncode == 0, replayed.stderr
         for name in (estimator, surface):
             assert graph.end(name)[0] == 0
     (recording,) = (tmp_path / "data").rglob("live")

@@ -51,8 +51,11 @@ pytestmark = pytest.mark.slow
 S = 10**9
 START = 1_778_767_020 * S
 LAST = 4
-# What is compared, in SI and rad.
-NAMES = ("md", "inclination", "azimuth", "tvd", "north", "east", "dogleg", "g_total", "b_total", "dip")
+DEG = math.pi / 180.0
+# What is compared, in SI and rad, and the unit in which most outputs print it.
+UNITS = {"md": 1.0, "inclination": DEG, "azimuth": DEG, "tvd": 1.0, "north": 1.0, "east": 1.0, "dogleg": DEG / 30.0}
+UNITS |= {"g_total": 1.0, "b_total": 1e-9, "dip": DEG}
+NAMES = tuple(UNITS)
 
 
 def surveys(north):
@@ -155,22 +158,15 @@ def given(request):
     return SimpleNamespace(whole=whole, table=table, truth=truth(whole), outputs=outputs)
 
 
-DEG = math.pi / 180.0
-CSV_UNITS = {
-    "md": ("md_m", 1.0, 3),
-    "inclination": ("inclination_deg", DEG, 4),
-    "azimuth": ("azimuth_deg", DEG, 4),
-    "tvd": ("tvd_m", 1.0, 3),
-    "north": ("north_m", 1.0, 3),
-    "east": ("east_m", 1.0, 3),
-    "dogleg": ("dls_deg_per_30m", DEG / 30.0, 4),
-}
-
-
 def digits(text, unit, decimals):
     """A printed number in SI, and half of its last digit."""
     assert len(text.partition(".")[2]) == decimals, text
     return float(text) * unit, 0.5 * 10.0**-decimals * unit
+
+
+def printed(row, columns, units=UNITS):
+    """Numbers of a row of texts. columns: title and decimals of each number by its name."""
+    return {name: digits(row[title], units[name], decimals) for name, (title, decimals) in columns.items()}
 
 
 def row_of(text, wanted):
@@ -179,39 +175,29 @@ def row_of(text, wanted):
 
 
 def definitive(text):
-    row = row_of(text, LAST)
-    return {name: digits(row[key], unit, decimals) for name, (key, unit, decimals) in CSV_UNITS.items()}
+    titles = ("md_m", "inclination_deg", "azimuth_deg", "tvd_m", "north_m", "east_m", "dls_deg_per_30m")
+    columns = zip(titles, (3, 4, 4, 3, 3, 3, 4), strict=True)
+    return printed(row_of(text, LAST), dict(zip(NAMES, columns, strict=False)))
 
 
 def raw(text):
-    row = row_of(text, LAST)
-    return {
-        "md": digits(row["md_m"], 1.0, 3),
-        "inclination": digits(row["inclination_deg"], DEG, 4),
-        "g_total": digits(row["g_total_mps2"], 1.0, 6),
-        "b_total": digits(row["b_total_nt"], 1e-9, 1),
-        "dip": digits(row["dip_deg"], DEG, 4),
-    }
+    columns = {"md": ("md_m", 3), "inclination": ("inclination_deg", 4), "dip": ("dip_deg", 4)}
+    return printed(row_of(text, LAST), columns | {"g_total": ("g_total_mps2", 6), "b_total": ("b_total_nt", 1)})
 
 
 def asked(values):
     """Numbers that a host reads on a polled line, in a frame with as many digits as usual ones have."""
+    names = {"md": "depth", "inclination": "inclination", "azimuth": "azimuth", "tvd": "vertical_depth"}
+    names |= {"b_total": "field", "dip": "dip"}
+    steps = {"md": (0.01, ""), "tvd": (0.01, ""), "b_total": (1.0, "nT")}
     items = tuple(
-        ReplyItem(f"survey_{name}", "int32", step, unit=unit)
-        for name, step, unit in (
-            ("depth", 0.01, ""),
-            ("inclination", 0.01, "deg"),
-            ("azimuth", 0.01, "deg"),
-            ("vertical_depth", 0.01, ""),
-            ("field", 1.0, "nT"),
-            ("dip", 0.01, "deg"),
-        )
+        ReplyItem(f"survey_{word}", "int32", step, unit=unit)
+        for (step, unit), word in ((steps.get(name, (0.01, "deg")), word) for name, word in names.items())
     )
     frame = PolledFrame(polls=(Poll(4, "", items),))
     host = Master(frame)
     poll = PolledLineUnit(frame).take(host.due(0.0))
     (got,) = host.take(reply(frame, poll, usable(values)), 0.0)
-    names = ("md", "inclination", "azimuth", "tvd", "b_total", "dip")
     return {name: (got.values[item.quantity], 0.5 * item.line[1]) for name, item in zip(names, items, strict=True)}
 
 
@@ -220,10 +206,9 @@ def log(text):
 
     read = lasio.read(text)
     k = int(min(range(len(read.index)), key=lambda i: abs(read.index[i] - (1000.0 + 29.87654 * LAST))))
-    curves = {"md": (0, 1.0, 3), "inclination": (1, DEG, 4), "azimuth": (2, DEG, 4), "tvd": (3, 1.0, 3)}
     return {
-        name: (float(read.curves[number].data[k]) * unit, 0.5 * 10.0**-decimals * unit)
-        for name, (number, unit, decimals) in curves.items()
+        name: (float(read.curves[number].data[k]) * UNITS[name], 0.5 * 10.0**-decimals * UNITS[name])
+        for number, (name, decimals) in enumerate(zip(NAMES, (3, 4, 4, 3), strict=False))
     }
 
 
@@ -232,23 +217,11 @@ def trajectory(text):
     uid = f"00000000-0000-4000-8000-{LAST:012d}"
     station = ET.fromstring(text.encode()).find(f".//w:trajectoryStation[@uid='{uid}']", ns)  # noqa: S314
     units = {"m": 1.0, "dega": DEG, "dega/30m": DEG / 30.0, "nT": 1e-9, "m/s2": 1.0}
-    wanted = {
-        "md": "md",
-        "inclination": "incl",
-        "azimuth": "azi",
-        "tvd": "tvd",
-        "north": "dispNs",
-        "east": "dispEw",
-        "dogleg": "dls",
-        "g_total": "valid/w:gravTotalFieldCalc",
-        "b_total": "valid/w:magTotalFieldCalc",
-        "dip": "valid/w:magDipAngleCalc",
-    }
-    found = {}
-    for name, path in wanted.items():
-        element = station.find(f"w:{path}", ns)
-        found[name] = digits(element.text, units[element.get("uom")], len(element.text.partition(".")[2]))
-    return found
+    names = ["md", "incl", "azi", "tvd", "dispNs", "dispEw", "dls"]
+    names += [f"valid/w:{name}Calc" for name in ("gravTotalField", "magTotalField", "magDipAngle")]
+    found = (station.find(f"w:{name}", ns) for name in names)
+    texts = ((one.text, units[one.get("uom")], len(one.text.partition(".")[2])) for one in found)
+    return {name: digits(*text) for name, text in zip(NAMES, texts, strict=True)}
 
 
 def sheet_of(reported, beginning):
@@ -256,40 +229,20 @@ def sheet_of(reported, beginning):
 
 
 def paper(reported):
-    sheet, quality = (sheet_of(reported, name) for name in ("Definitive survey", "Totals as read"))
-    row = dict(zip(sheet.titles, next(r for r in sheet.rows if r[0] == str(LAST)), strict=True))
-    test = dict(zip(quality.titles, next(r for r in quality.rows if r[0] == str(LAST)), strict=True))
-    titles = {
-        "md": ("MD", 1.0),
-        "inclination": ("Inc", DEG),
-        "azimuth": ("Azi", DEG),
-        "tvd": ("TVD", 1.0),
-        "north": ("N/S", 1.0),
-        "east": ("E/W", 1.0),
-        "dogleg": ("DLS", DEG / 30.0),
-    }
-    found = {name: digits(row[title], unit, 2) for name, (title, unit) in titles.items()}
-    found["g_total"] = digits(test["G read"], 1.0, 4)
-    found["b_total"] = digits(test["B read"], 1e-9, 0)
-    found["dip"] = digits(test["Dip read"], DEG, 2)
-    return found
+    row = {}
+    for name in ("Totals as read", "Definitive survey"):
+        sheet = sheet_of(reported, name)
+        row |= dict(zip(sheet.titles, next(r for r in sheet.rows if r[0] == str(LAST)), strict=True))
+    titles = ("MD", "Inc", "Azi", "TVD", "N/S", "E/W", "DLS", "G read", "B read", "Dip read")
+    columns = zip(titles, (*[2] * 7, 4, 0, 2), strict=True)
+    return printed(row, dict(zip(NAMES, columns, strict=True)))
 
 
 def page(snapshot):
     row = next(r for r in snapshot["sections"]["surveys"]["rows"] if r["sequence"] == LAST)
-    keys = (
-        "measured_depth",
-        "inclination",
-        "azimuth",
-        "vertical_depth",
-        "north",
-        "east",
-        "dogleg_severity",
-        "g_total",
-        "b_total",
-        "dip",
-    )
-    return {name: (row[key], abs(row[key]) * 1e-9) for name, key in zip(NAMES, keys, strict=True)}
+    keys = {name: name for name in NAMES}
+    keys |= {"md": "measured_depth", "tvd": "vertical_depth", "dogleg": "dogleg_severity"}
+    return {name: (row[key], abs(row[key]) * 1e-9) for name, key in keys.items()}
 
 
 def recorder(address, units):
@@ -299,22 +252,10 @@ def recorder(address, units):
         while not any(f.number(713) is not None for f in frames):
             frames += decoder.feed(connection.recv(4096))
     frame = next(f for f in frames if f.number(713) is not None)
-    length = 1.0 if units == "metric" else 0.3048
-    dogleg = DEG / 30.0 if units == "metric" else DEG / 30.48
-    items = {
-        "md": (708, length, 2),
-        "tvd": (709, length, 2),
-        "inclination": (713, DEG, 2),
-        "azimuth": (715, DEG, 2),
-        "north": (718, length, 2),
-        "east": (719, length, 2),
-        "dogleg": (720, dogleg, 2),
-        "g_total": (722, 9.80665, 4),
-        "b_total": (723, 1e-9, 1),
-        "dip": (724, DEG, 2),
-    }
-    texts = {item.code: item.text for item in frame.items}
-    return {name: digits(texts[code], unit, decimals) for name, (code, unit, decimals) in items.items()}
+    imperial = dict.fromkeys(("md", "tvd", "north", "east"), 0.3048) | {"dogleg": DEG / 30.48}
+    scale = UNITS | {"g_total": 9.80665} | (imperial if units == "fps" else {})
+    columns = zip((708, 713, 715, 709, 718, 719, 720, 722, 723, 724), (*[2] * 7, 4, 1, 2), strict=True)
+    return printed({item.code: item.text for item in frame.items}, dict(zip(NAMES, columns, strict=True)), scale)
 
 
 def registers(address):
@@ -329,17 +270,10 @@ def registers(address):
                 answer += connection.recv(512)
             block = struct.unpack(f">{COUNT}H", answer[9:])
     assert block[3] == LAST
-    items = {
-        "inclination": (10, DEG),
-        "azimuth": (12, DEG),
-        "md": (14, 1.0),
-        "g_total": (16, 9.80665),
-        "b_total": (18, 1e-9),
-        "dip": (20, DEG),
-    }
-    found = {}
-    for name, (at, unit) in items.items():
-        number = float_of(block[at : at + 2], ModbusForm()) * unit
+    names = ("inclination", "azimuth", "md", "g_total", "b_total", "dip")
+    scale, found = UNITS | {"g_total": 9.80665}, {}
+    for at, name in zip(range(10, 22, 2), names, strict=True):
+        number = float_of(block[at : at + 2], ModbusForm()) * scale[name]
         # A float of 32 bits has 24 of significance.
         found[name] = (number, abs(number) * 2.0**-24)
     return found
@@ -348,25 +282,16 @@ def registers(address):
 async def variables(address):
     import asyncua
 
-    names = {
-        "md": "SurveyMeasuredDepth",
-        "inclination": "Inclination",
-        "azimuth": "Azimuth",
-        "tvd": "SurveyTrueVerticalDepth",
-        "north": "SurveyNorth",
-        "east": "SurveyEast",
-        "dogleg": "DogLegSeverity",
-        "g_total": "TotalGravity",
-        "b_total": "TotalMagneticField",
-        "dip": "MagneticDip",
-    }
+    names = ["SurveyMeasuredDepth", "Inclination", "Azimuth", "SurveyTrueVerticalDepth", "SurveyNorth", "SurveyEast"]
+    names += ["DogLegSeverity", "TotalGravity", "TotalMagneticField", "MagneticDip"]
     async with asyncua.Client(address) as client:
         index = await client.get_namespace_index(OPCUA_NAMESPACE)
         well = await client.nodes.objects.get_child([f"{index}:Well 1"])
         number = await well.get_child(f"{index}:SurveySequence")
         while not (await number.read_data_value(False)).StatusCode.is_good():
             await asyncio.sleep(0.005)
-        return {name: (await (await well.get_child(f"{index}:{key}")).read_value(), 0.0) for name, key in names.items()}
+        values = [await (await well.get_child(f"{index}:{name}")).read_value() for name in names]
+        return {name: (value, 0.0) for name, value in zip(NAMES, values, strict=True)}
 
 
 def test_every_output_gives_the_numbers_of_the_list_within_its_own_rounding(given):

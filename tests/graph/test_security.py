@@ -6,7 +6,6 @@ After a change of topics or services: `python tests/graph/test_security.py` writ
 """
 
 import json
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -21,7 +20,6 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.ros import security_policy
 from mwd_surface.runs import launch_plan
 from project import ROOT
-from running_graph import until
 
 # What nodes open by their settings only: bursts, other links, rig data in, simulated time.
 OPTIONAL = {
@@ -36,37 +34,35 @@ OPTIONAL = {
 }
 
 
-def read(folder, **started):
-    """What the nodes of one well have open, each with its parameters."""
+def open_in_a_well(folder):
+    """What each node has open: in a well with a simulated sonde, and in one over a link with a probe."""
+    tool, surface = folder / "tool.yaml", {"folder": folder, "page__port": 0}
+    tool.write_text(tool_configuration.text(ToolConfiguration()))
+    scenario = ROOT / "bags" / "scenarios" / "telemetry_shallow.yaml"
     with running_graph.graph(folder) as graph:
-        names = [graph.command(node, "w1", **parameters) for node, parameters in started.items()]
-        for name in names:
-            until(lambda name=name: ": active" in graph.log(name), 120, f"{name} is active")
-        words = [sys.executable, Path(__file__).with_name("open_names.py"), *(f"/w1/{node}" for node in started)]
-        done = subprocess.run(words, env=graph.environment, capture_output=True, text=True, timeout=300, check=False)
+        names = [
+            graph.start("sonde", "w1", scenario=scenario, wait_for_listener_s=600.0),
+            graph.start("estimator", "w1"),
+            graph.start("surface", "w1", **surface),
+            graph.start("probe", "w2", port="/dev/null"),
+            graph.start("receiver", "w2", tool_file=tool),
+            graph.start("surface", "w2", link__source="mud_pulse", **surface),
+        ]
+        graph.active(*names)
+        visitor = Path(__file__).with_name("open_names.py")
+        done = graph.run(sys.executable, visitor, *(f"/{name}" for name in names))
         assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
-
-
-def whole_well(folder):
-    """Each node of a well, direct and over a link; a probe takes the place of the simulated sonde."""
-    data, link = folder / "data", folder / "link"
-    for part in (data, link):
-        part.mkdir()
-    sonde = {"scenario": str(ROOT / "bags/scenarios/telemetry_shallow.yaml"), "wait_for_listener_s": 600.0}
-    surface = {"folder": str(data), "page__port": 0}
-    found = read(data, sonde=sonde, estimator={}, surface=surface)
-    (link / "tool.yaml").write_text(tool_configuration.text(ToolConfiguration()))
-    receiver, over_link = {"tool_file": link / "tool.yaml"}, {**surface, "link__source": "mud_pulse"}
-    heard = read(link, probe={"port": "/dev/null"}, receiver=receiver, surface=over_link)
-    return security_policy.merged(found, heard)
+    table = {}
+    for name, rights in json.loads(done.stdout.splitlines()[-1]).items():
+        table = security_policy.merged(table, {name.rpartition("/")[2]: rights})
+    return table
 
 
 @pytest.mark.ros
 @pytest.mark.slow(14)
 @pytest.mark.fault_case(94)
 def test_the_policy_allows_all_that_the_nodes_of_a_well_have_open(tmp_path):
-    found = whole_well(tmp_path)
+    found = open_in_a_well(tmp_path)
     assert set(found) == {"sonde", "probe", "estimator", "receiver", "surface"}
     assert "attitude" in found["estimator"]["publish"]
     assert "north_seek" in found["estimator"]["execute"]
@@ -123,7 +119,7 @@ def test_a_well_that_is_no_name_is_refused(well):
 def main() -> None:
     """Write the table of a running well, and what the table allowed before for the same nodes."""
     with tempfile.TemporaryDirectory() as folder:
-        table = security_policy.merged(whole_well(Path(folder)), OPTIONAL)
+        table = security_policy.merged(open_in_a_well(Path(folder)), OPTIONAL)
     file = Path(security_policy.__file__).with_name("security_policy.yaml")
     text = yaml.safe_dump(table, sort_keys=False, width=120, default_flow_style=None)
     file.write_text(f"# What each node may do: read from a running well by tests/graph/test_security.py.\n{text}")
