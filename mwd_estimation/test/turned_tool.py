@@ -3,6 +3,8 @@
 
 import numpy as np
 
+from mwd_sensors.core.frames import wrap_pi
+
 STEP = 0.01
 START = 1_700_000_000 * 10**9
 # Steps of the integration of the speed per sample.
@@ -22,3 +24,8 @@ def noisy_rates(angle, rng):
     gyro = 1e-3 * rng.normal(size=(len(angle), 3))
     gyro[1:, 0] += np.diff(angle) / STEP
     return gyro
+
+
+def toolface_error(track, angle):
+    """Error of the gravity toolface of a track, rad, by the true toolface."""
+    return wrap_pi(np.arctan2(-track.g_t[:, 1], -track.g_t[:, 2]) - angle)

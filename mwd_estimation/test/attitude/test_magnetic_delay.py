@@ -9,37 +9,26 @@ import math
 
 import numpy as np
 import pytest
+from tool_streams import REFERENCE, START, seen, streams
 
 from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
-from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.nodes.diagnostics import input_diagnostics
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt
 from mwd_sensors.core.settings import from_mapping
-
-START = 1_700_000_000 * 10**9
-REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.0, convergence=0.0, gravity=9.81, source="test")
-FIELD = 5e-5 * np.array([np.cos(1.1), 0.0, np.sin(1.1)])
 
 
 def drilled(late_s=0.0, cross_axial=(0.0, 0.0), rates=((0.0, 12.0), (11.0, 20.0), (0.0, 8.0), (7.0, 20.0))):
     """IMU and magnetometer of a string that turns at each of the rates, rad/s, for `seconds` s each."""
-    rng = np.random.default_rng(4)
     rate = np.concatenate([np.full(round(seconds * 100), value) for value, seconds in rates])
     # A string takes two seconds to change its speed.
     rate = np.convolve(np.pad(rate, 100, mode="edge"), np.full(201, 1.0 / 201.0), mode="valid")
-    turned, n = np.cumsum(rate) * 0.01, len(rate)
-    mat = mat_nt(0.9, np.full(n, 1.9), turned)
-    imu, mag = wire.IMU.empty(n), wire.MAG.empty(n)
-    imu["stamp_ns"] = START + np.arange(n) * 10_000_000
-    imu["angular_velocity"] = 1e-3 * rng.normal(size=(n, 3))
-    imu["angular_velocity"][:, 0] += rate
-    imu["linear_acceleration"] = np.einsum("kji,j->ki", mat, [0, 0, -9.81]) + 5e-3 * rng.normal(size=(n, 3))
-    mag["stamp_ns"] = imu["stamp_ns"] + round(late_s * 1e9)
-    mag["magnetic_field"] = np.einsum("kji,j->ki", mat, FIELD) + 5e-8 * rng.normal(size=(n, 3)) + [0.0, *cross_axial]
+    mat = mat_nt(0.9, np.full(len(rate), 1.9), np.cumsum(rate) * 0.01)
+    imu, mag = streams(mat, np.random.default_rng(4), rate=rate)
+    mag["stamp_ns"] += round(late_s * 1e9)
+    mag["magnetic_field"] += [0.0, *cross_axial]
     return imu, mag
 
 
@@ -62,7 +51,7 @@ def test_steel_that_comes_near_while_the_speed_changes_is_not_taken_for_a_delay(
     near = np.clip(imu["angular_velocity"][:, 0], 0.0, 11.0)[:, None] / 11.0
     turned = np.cumsum(imu["angular_velocity"][:, 0]) * 0.01
     mat = mat_nt(0.9, np.full(len(imu), 1.9), turned)
-    mag["magnetic_field"] += np.einsum("kji,kj->ki", mat, 1e-6 * near * np.array(steel_ut))
+    mag["magnetic_field"] += near * seen(mat, 1e-6 * np.array(steel_ut))
     pipeline, _, _ = estimated(imu, mag)
     assert abs(pipeline.mag_late_ns) < 5_000_000
 
@@ -111,15 +100,10 @@ def test_a_magnetometer_in_time_is_left_alone_biased_or_not(cross_axial):
     assert input_diagnostics(pipeline) == []
 
 
-def test_samples_a_second_apart_show_no_delay():
-    imu, mag = drilled(0.03)
-    pipeline, _, _ = estimated(imu[::100], mag[::100])
-    assert pipeline.mag_late_ns == 0
-
-
-def test_one_speed_shows_no_delay():
-    pipeline, _, _ = estimated(*drilled(0.03, rates=((8.0, 40.0),)))
-    assert pipeline.mag_late_ns == 0
+@pytest.mark.parametrize(("how", "every"), [({}, 100), ({"rates": ((8.0, 40.0),)}, 1)], ids=["slow", "one speed"])
+def test_samples_a_second_apart_or_one_speed_show_no_delay(how, every):
+    imu, mag = drilled(0.03, **how)
+    assert estimated(imu[::every], mag[::every])[0].mag_late_ns == 0
 
 
 @pytest.mark.parametrize("first_off", [-0.3, 0.25, 0.6])

@@ -3,36 +3,22 @@
 
 import numpy as np
 import pytest
+from tool_streams import REFERENCE, seen, streams
+from turned_tool import turned
 
-from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings, Gravity
-from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
-START = 1_700_000_000 * 10**9
-REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.0, convergence=0.0, gravity=9.81, source="test")
-STEP = 0.01
 
-
-def turning(speed, seconds=12.0, inclination=0.9, seed=3):
-    """A tool that turns as `speed(t)`, rad/s, says; samples and true toolface."""
-    n = round(seconds / STEP)
-    fine = 20
-    t = np.arange(n * fine) * STEP / fine
-    angle = np.concatenate([[0.0], np.cumsum(speed(t + 0.5 * STEP / fine)) * STEP / fine])[::fine][:n]
-    rng = np.random.default_rng(seed)
-    imu, mag = wire.IMU.empty(n), wire.MAG.empty(n)
-    imu["stamp_ns"] = mag["stamp_ns"] = START + np.round(np.arange(n) * STEP * 1e9).astype(np.int64)
-    imu["angular_velocity"][1:, 0] = np.diff(angle) / STEP
-    imu["angular_velocity"] += 1e-3 * rng.normal(size=(n, 3))
-    mat = mat_nt(inclination, np.full(n, 0.7), angle)
-    imu["linear_acceleration"] = np.einsum("kji,j->ki", mat, [0, 0, -9.81]) + 5e-3 * rng.normal(size=(n, 3))
-    field = 5e-5 * np.array([np.cos(1.1), 0.0, np.sin(1.1)])
-    mag["magnetic_field"] = np.einsum("kji,j->ki", mat, field) + 5e-8 * rng.normal(size=(n, 3))
-    return imu, mag, np.mod(angle, 2.0 * np.pi), np.einsum("kji,j->ki", mat, [0.0, 0.0, 1.0])
+def turning(speed, seconds=12.0, inclination=0.9):
+    """A tool that turns as `speed(t)`, rad/s, says; samples, true toolface and true down."""
+    _, angle = turned(speed, seconds)
+    mat = mat_nt(inclination, np.full(len(angle), 0.7), angle)
+    imu, mag = streams(mat, np.random.default_rng(3), rate=100.0 * np.diff(angle, prepend=angle[0]))
+    return imu, mag, np.mod(angle, 2.0 * np.pi), seen(mat, [0.0, 0.0, 1.0])
 
 
 def estimated(imu, mag, method="bounded", cuts=()):

@@ -14,14 +14,15 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core.frames import TAU, gravity_toolface, magnetic_toolface, mat_nt, wrap_pi
 
 START = 10**18
-FIELD_N = np.array([2e-5, 0.0, 4e-5])
+FIELD_N, DOWN = np.array([2e-5, 0.0, 4e-5]), np.array([0.0, 0.0, 1.0])
 
 
-def run(params, state, model, stamps, g_t, rate_x, sigma_tilt, mag_ns, b_t):
+def run(stamps, g_t, mag_ns, b_t, *, rate_x=16.2, sigma_tilt=0.0, model=None, params=None, state=None):
     """Rows, pairs and the number of magnetic samples used."""
     samples = np.zeros(len(stamps), dtype=SAMPLE)
     samples["stamp_ns"], samples["down"], samples["rate_x"], samples["sigma_down"] = stamps, g_t, rate_x, sigma_tilt
-    return time_alignment.run(params, state, model, samples, MagBlock(mag_ns, np.ascontiguousarray(b_t)))
+    state, mag = initial() if state is None else state, MagBlock(mag_ns, np.ascontiguousarray(b_t))
+    return time_alignment.run(params or TimeAlignmentParams(), state, model or CLEAN, samples, mag)
 
 
 CLEAN = FieldModel((0.0, 0.0, 0.0), 0.0, 0.0)
@@ -35,29 +36,23 @@ def _seen(mat, v_n):
     return np.einsum("kji,j->ki", mat, v_n)
 
 
-def _run(inclination, azimuth, *, model=CLEAN, params=None, mag_late=0.003, n=600, rate=16.2):
-    times = np.arange(n) * 0.01
-    mat = _turning(inclination, azimuth, times, rate)
-    mag_times = times[::3] + mag_late
-    b_t = _seen(_turning(inclination, azimuth, mag_times, rate), FIELD_N) + model.interference
-    to_ns = lambda t: START + np.round(t * 1e9).astype(np.int64)  # noqa: E731
-    rows, _, _ = run(
-        params or TimeAlignmentParams(),
-        initial(),
-        model,
-        to_ns(times),
-        _seen(mat, np.array([0.0, 0.0, 1.0])),
-        np.full(n, rate),
-        np.zeros(n),
-        to_ns(mag_times),
-        b_t,
-    )
-    return rows, mat
+def _ns(times):
+    return START + np.round(times * 1e9).astype(np.int64)
+
+
+def _run(inclination, azimuth, *, model=CLEAN, rate=16.2, **how):
+    """Rows of a turning tool whose magnetometer sends each third sample, 3 ms late; pairs; attitudes; field read."""
+    times = np.arange(600) * 0.01
+    mag_times = times[::3] + 0.003
+    mat, mag_mat = (_turning(inclination, azimuth, t, rate) for t in (times, mag_times))
+    b_t = _seen(mag_mat, FIELD_N) + model.interference
+    rows, pairs, _ = run(_ns(times), _seen(mat, DOWN), _ns(mag_times), b_t, rate_x=rate, model=model, **how)
+    return rows, pairs, mat, (_ns(mag_times), mag_mat, b_t)
 
 
 @pytest.mark.parametrize(("inclination", "azimuth"), [(0.6, 2.0), (1.5, 5.0), (3.1, 1.0), (0.02, 0.3), (2.2, 6.2)])
 def test_a_fast_turning_tool_keeps_its_azimuth_whatever_the_stamps_of_the_magnetometer(inclination, azimuth):
-    rows, mat = _run(inclination, azimuth)
+    rows, _, mat, _ = _run(inclination, azimuth)
     np.testing.assert_allclose(wrap_pi(rows["azimuth"][5:] - azimuth), 0.0, atol=1e-9)
     # Held between samples by the x gyro: exact along the axis, second order in the inclination near vertical.
     slack = 1e-9 if 0.1 < inclination < 3.0 else 1e-3
@@ -66,25 +61,16 @@ def test_a_fast_turning_tool_keeps_its_azimuth_whatever_the_stamps_of_the_magnet
 
 def test_known_interference_is_taken_off_and_the_named_north_added():
     model = FieldModel((3e-6, -1e-6, 2e-6), 0.0, 0.0, north_correction=0.1)
-    rows, _ = _run(0.9, 4.0, model=model)
+    rows, *_ = _run(0.9, 4.0, model=model)
     np.testing.assert_allclose(wrap_pi(rows["azimuth"][5:] - 4.1), 0.0, atol=1e-9)
 
 
 def test_no_azimuth_is_invented_before_the_first_magnetic_sample_or_after_the_last_is_old():
     times = np.arange(500) * 0.01
-    mat = _turning(0.8, 1.0, times, 0.0)
-    stamps = START + np.round(times * 1e9).astype(np.int64)
-    rows, _, used = run(
-        TimeAlignmentParams(mag_timeout_ns=1_000_000_000),
-        initial(),
-        CLEAN,
-        stamps,
-        _seen(mat, np.array([0.0, 0.0, 1.0])),
-        np.zeros(500),
-        np.zeros(500),
-        stamps[100:200],
-        _seen(mat[100:200], FIELD_N),
-    )
+    mat, stamps = _turning(0.8, 1.0, times, 0.0), _ns(times)
+    params = TimeAlignmentParams(mag_timeout_ns=1_000_000_000)
+    mag = stamps[100:200], _seen(mat[100:200], FIELD_N)
+    rows, _, used = run(stamps, _seen(mat, DOWN), *mag, rate_x=0.0, params=params)
     assert used == 100
     known = np.isfinite(rows["azimuth"])
     assert not known[:100].any()
@@ -101,7 +87,7 @@ def test_a_sample_without_a_direction_of_gravity_has_no_angles(nothing):
     g_t[20:30] *= nothing
     stamps = START + np.arange(n) * 10_000_000
     b_t = np.tile([3e-5, 1e-5, 2e-5], (n, 1))
-    rows, _, _ = run(TimeAlignmentParams(), initial(), CLEAN, stamps, g_t, np.zeros(n), np.zeros(n), stamps, b_t)
+    rows, *_ = run(stamps, g_t, stamps, b_t, rate_x=0.0)
     known = (np.arange(n) < 20) | (np.arange(n) >= 30)
     for angle in ("inclination", "gravity_toolface"):
         assert np.array_equal(np.isfinite(rows[angle]), known)
@@ -113,25 +99,14 @@ def test_near_vertical_is_entered_and_left_with_hysteresis():
     inclination = np.radians(np.concatenate([np.linspace(6, 2, 50), np.linspace(2, 6, 50)]))
     mat = mat_nt(inclination, np.zeros(100), np.zeros(100))
     stamps = START + np.arange(100) * 10**7
-    rows, _, _ = run(
-        TimeAlignmentParams(),
-        initial(),
-        CLEAN,
-        stamps,
-        _seen(mat, np.array([0.0, 0.0, 1.0])),
-        np.zeros(100),
-        np.zeros(100),
-        stamps[:0],
-        np.zeros((0, 3)),
-    )
+    rows, *_ = run(stamps, _seen(mat, DOWN), stamps[:0], np.zeros((0, 3)), rate_x=0.0)
     near = rows["status"] & Status.NEAR_VERTICAL > 0
     np.testing.assert_array_equal(near[:50], np.degrees(inclination[:50]) < 3.0)
     np.testing.assert_array_equal(near[50:], np.degrees(inclination[50:]) <= 4.0)
 
 
 def test_the_sigma_of_the_azimuth_covers_interference_by_geometry():
-    north, _ = _run(0.9, 0.0, model=CLEAN._replace(sigma_axial=1e-6), rate=0.0)
-    east, _ = _run(0.9, np.pi / 2, model=CLEAN._replace(sigma_axial=1e-6), rate=0.0)
+    north, east = (_run(0.9, azi, model=CLEAN._replace(sigma_axial=1e-6), rate=0.0)[0] for azi in (0.0, np.pi / 2))
     # Axial interference does not turn the azimuth of a north-going hole; east-going by E sin(I) / H.
     assert north["sigma_azimuth"][-1] == pytest.approx(0.0, abs=1e-6)
     assert east["sigma_azimuth"][-1] == pytest.approx(1e-6 * np.sin(0.9) / 2e-5, rel=1e-3)
@@ -140,7 +115,7 @@ def test_the_sigma_of_the_azimuth_covers_interference_by_geometry():
 def test_the_sigma_of_the_magnetic_toolface_is_that_of_the_level_field_whatever_the_azimuth():
     model = CLEAN._replace(sigma_cross=1e-7, sigma_axial=1e-6, sigma_north=2e-3)
     for azimuth in (0.0, np.pi / 2):
-        rows, _ = _run(0.9, azimuth, model=model, rate=0.0)
+        rows, *_ = _run(0.9, azimuth, model=model, rate=0.0)
         assert rows["sigma_magnetic_toolface"][-1] == pytest.approx(np.hypot(1e-7 / 2e-5, 2e-3), rel=1e-6)
         np.testing.assert_allclose(rows["total"][5:], np.linalg.norm(FIELD_N), rtol=1e-12)
     assert np.isnan(rows["total"][0])
@@ -152,41 +127,19 @@ def test_the_sigma_of_the_magnetic_toolface_is_that_of_the_level_field_whatever_
 def test_any_cut_into_blocks_gives_the_same_bits(cuts, mag_ahead):
     rng = np.random.default_rng(2)
     times = np.cumsum(rng.uniform(0.005, 0.015, 300))
-    mat = _turning(1.1, 0.4, times)
-    stamps = START + np.round(times * 1e9).astype(np.int64)
-    g_t, b_t = _seen(mat, np.array([0.0, 0.0, 1.0])), _seen(mat, FIELD_N) + 1e-7 * rng.normal(size=(300, 3))
-    whole, pairs, _ = run(
-        TimeAlignmentParams(), initial(), CLEAN, stamps, g_t, np.full(300, 16.2), np.full(300, 1e-3), stamps, b_t
-    )
-    state, pieces, handed_on = initial(), [], []
-    mag_from = 0
+    mat, stamps = _turning(1.1, 0.4, times), _ns(times)
+    g_t, b_t = _seen(mat, DOWN), _seen(mat, FIELD_N) + 1e-7 * rng.normal(size=(300, 3))
+    whole, pairs, _ = run(stamps, g_t, stamps, b_t, sigma_tilt=1e-3)
+    state, pieces, handed_on, mag_from = initial(), [], [], 0
     for block in np.split(np.arange(300), sorted(cuts)):
         if not len(block):
             continue
-        mag_to = min(block[-1] + 1 + mag_ahead, 300)
-        rows, _, used = run(
-            TimeAlignmentParams(),
-            state.copy(),
-            CLEAN,
-            stamps[block],
-            g_t[block],
-            np.full(len(block), 16.2),
-            np.full(len(block), 1e-3),
-            stamps[mag_from:mag_to],
-            b_t[mag_from:mag_to],
+        mag = slice(mag_from, min(block[-1] + 1 + mag_ahead, 300))
+        again, (rows, handed, used) = (
+            run(stamps[block], g_t[block], stamps[mag], b_t[mag], sigma_tilt=1e-3, state=one)
+            for one in (state.copy(), state)
         )
-        again, handed, _ = run(
-            TimeAlignmentParams(),
-            state,
-            CLEAN,
-            stamps[block],
-            g_t[block],
-            np.full(len(block), 16.2),
-            np.full(len(block), 1e-3),
-            stamps[mag_from:mag_to],
-            b_t[mag_from:mag_to],
-        )
-        np.testing.assert_array_equal(again["azimuth"], rows["azimuth"])
+        np.testing.assert_array_equal(again[0]["azimuth"], rows["azimuth"])
         mag_from += used
         pieces.append(rows)
         handed["place"] += block[0]
@@ -197,28 +150,12 @@ def test_any_cut_into_blocks_gives_the_same_bits(cuts, mag_ahead):
 
 
 def test_one_magnetic_sample_in_each_interval_is_handed_on_with_the_gravity_of_its_own_time():
-    times = np.arange(600) * 0.01
-    mat = _turning(0.9, 2.0, times)
-    mag_times = times[::3] + 0.003
-    mag_mat = _turning(0.9, 2.0, mag_times)
-    to_ns = lambda t: START + np.round(t * 1e9).astype(np.int64)  # noqa: E731
-    model = FieldModel((1e-6, 0.0, 0.0), 2e-7, 1e-7)
-    b_t = _seen(mag_mat, FIELD_N) + model.interference
-    rows, pairs, _ = run(
-        TimeAlignmentParams(interval_ns=500_000_000),
-        initial(),
-        model,
-        to_ns(times),
-        _seen(mat, np.array([0.0, 0.0, 1.0])),
-        np.full(600, 16.2),
-        np.full(600, 1e-3),
-        to_ns(mag_times),
-        b_t,
-    )
-    assert len(pairs["place"]) == 12
+    params, model = TimeAlignmentParams(interval_ns=500_000_000), FieldModel((1e-6, 0.0, 0.0), 2e-7, 1e-7)
+    rows, pairs, _, (mag_ns, mag_mat, b_t) = _run(0.9, 2.0, model=model, params=params, sigma_tilt=1e-3)
     assert (np.diff(pairs["stamp_ns"] // 500_000_000) == 1).all()
-    at = np.searchsorted(to_ns(mag_times), pairs["stamp_ns"])
-    np.testing.assert_allclose(pairs["g_t"], _seen(mag_mat, np.array([0.0, 0.0, 1.0]))[at], atol=1e-9)
+    assert len(pairs) == 12
+    at = np.searchsorted(mag_ns, pairs["stamp_ns"])
+    np.testing.assert_allclose(pairs["g_t"], _seen(mag_mat, DOWN)[at], atol=1e-9)
     np.testing.assert_array_equal(pairs["b_t"], b_t[at])
     np.testing.assert_allclose(wrap_pi(pairs["azimuth"] - 2.0), 0.0, atol=1e-9)
     np.testing.assert_allclose(pairs["sigma"][1:], rows["sigma_azimuth"][pairs["place"][1:]], rtol=1e-9)
@@ -226,13 +163,11 @@ def test_one_magnetic_sample_in_each_interval_is_handed_on_with_the_gravity_of_i
 
 @pytest.mark.parametrize("inclination", [0.9, 0.01])
 def test_toolfaces_are_carried_on_over_the_latency(inclination):
-    late, _ = _run(inclination, 1.0, params=TimeAlignmentParams(latency_s=0.08), rate=2.0)
+    late, *_ = _run(inclination, 1.0, params=TimeAlignmentParams(latency_s=0.08), rate=2.0)
     ahead = mat_nt(inclination, np.full(600, 1.0), (2.0 * (np.arange(600) * 0.01 + 0.08)) % TAU)
     slack = 1e-9 if inclination > 0.1 else 1e-3
     np.testing.assert_allclose(wrap_pi(late["magnetic_toolface"] - magnetic_toolface(ahead))[5:], 0.0, atol=slack)
-    np.testing.assert_allclose(wrap_pi(late["gravity_toolface"] - gravity_toolface(_up(ahead))), 0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        wrap_pi(late["gravity_toolface"] - gravity_toolface(-_seen(ahead, DOWN))), 0.0, atol=1e-9
+    )
     np.testing.assert_allclose(late["inclination"], inclination, atol=1e-9)
-
-
-def _up(mat):
-    return -_seen(mat, np.array([0.0, 0.0, 1.0]))

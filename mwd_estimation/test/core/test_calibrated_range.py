@@ -37,9 +37,8 @@ def station(celsius, rng=None):
         force = force + 1e-3 * beyond * rng.standard_normal(3)
         field = field + 5e-9 * beyond * rng.standard_normal(3)
     imu = Average(np.concatenate([np.zeros(3), force]), 1e-12 * np.eye(6), 800)
-    still = StillAverage(
-        10**11, 11 * 10**10, imu, Average(field, 1e-20 * np.eye(3), 800), None, celsius, requested=False
-    )
+    mag = Average(field, 1e-20 * np.eye(3), 800)
+    still = StillAverage(10**11, 11 * 10**10, imu, mag, None, celsius, requested=False)
     settings = StationSettings(errors=IDEAL, calibrated=SLOPES)
     return SurveyDecision(settings, FaultHistory()).begin(still, 1, REFERENCE, None).survey.station
 
@@ -48,12 +47,10 @@ def station(celsius, rng=None):
 @pytest.mark.fault_case(23)
 @pytest.mark.parametrize("celsius", [190.0, -10.0])
 def test_errors_beyond_the_calibration_are_as_large_as_the_sigmas_say(celsius):
-    rng, found = np.random.default_rng(23), []
-    for _ in range(100):
-        one = station(celsius, rng)
-        found.append((one.inclination - 0.9, math.sqrt(one.covariance[0, 0])))
-    error, sigma = np.array(found).T
-    assert_consistent(error, sigma, name="inclination")
+    rng = np.random.default_rng(23)
+    found = [station(celsius, rng) for _ in range(100)]
+    sigmas = [math.sqrt(one.covariance[0, 0]) for one in found]
+    assert_consistent([one.inclination - 0.9 for one in found], sigmas, name="inclination")
 
 
 @pytest.mark.fault_case(23)

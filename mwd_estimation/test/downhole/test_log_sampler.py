@@ -40,15 +40,12 @@ def streams(seconds=40, turn=2.0, api=((0.0, 90.0),), md=1000.0, inclination=1.4
 def sampled(attitude, counts, channel=None, cuts=()):
     """All samples of one channel; the streams cut at fractions of their length."""
     sampler = LogSampler({"gamma": channel or LogChannel(sectors=8)})
-    found = []
-    edges = [0.0, *sorted(cuts), 1.0]
-    for low, high in itertools.pairwise(edges):
-        until = attitude["stamp_ns"][0] + (attitude["stamp_ns"][-1] - attitude["stamp_ns"][0]) * high
-        since = attitude["stamp_ns"][0] + (attitude["stamp_ns"][-1] - attitude["stamp_ns"][0]) * low
-        first = low == 0.0
-        sampler.push("counts", counts[(first | (counts["stamp_ns"] > since)) & (counts["stamp_ns"] <= until)])
-        rows = attitude[(first | (attitude["stamp_ns"] > since)) & (attitude["stamp_ns"] <= until)]
-        found += sampler.advance(rows)
+    first, last = attitude["stamp_ns"][[0, -1]]
+    edges, found = [0, *(first + (last - first) * np.array(sorted(cuts))), last], []
+    for since, until in itertools.pairwise(edges):
+        pieces = (rows[(rows["stamp_ns"] > since) & (rows["stamp_ns"] <= until)] for rows in (counts, attitude))
+        sampler.push("counts", next(pieces))
+        found += sampler.advance(next(pieces))
     return found + sampler.finish(), sampler
 
 
@@ -111,23 +108,20 @@ def test_counts_of_the_sectors_and_of_the_intervals_are_the_counts_of_the_detect
 @pytest.mark.parametrize("below", [True, False])
 def test_the_sectors_see_the_bed_that_comes_near_at_high_angle(below):
     """A bed 0.15 m below or above the hole: the sectors agree with the model and show on which side the bed is."""
-    path = well_path([0.0, 500.0], [0.0, math.pi / 2.0], [0.0, 0.0])
-    probe = GammaDetector(Gamma(), path, np.random.default_rng(0))
     tvd = 500.0 * 2.0 / math.pi
     layers = ((0.0, 40.0), (tvd + 0.15, 140.0)) if below else ((0.0, 140.0), (tvd - 0.15, 40.0))
     attitude, counts, model = streams(240, api=layers, inclination=math.pi / 2.0)
-    del probe
     found, _ = sampled(attitude, counts)
     around = math.tau / 8.0 * np.arange(8)
     expected = model.expected(np.full(8, 1000.0), around)
-    values = np.array([sample.sectors for sample in found if sample.duration > 9.0])
-    mean = values.mean(axis=0)
-    sigma = np.array([sample.sigma_sectors for sample in found if sample.duration > 9.0]).mean(axis=0)
+    whole = [sample for sample in found if sample.duration > 9.0]
+    mean, sigma = (
+        np.mean([getattr(sample, name) for sample in whole], axis=0) for name in ("sectors", "sigma_sectors")
+    )
     # Sectors are averages over their width, the expectation is that of their middle.
-    assert np.all(np.abs(mean - expected) < 4.0 * sigma / math.sqrt(len(values)) + 4.0)
+    assert np.all(np.abs(mean - expected) < 4.0 * sigma / math.sqrt(len(whole)) + 4.0)
     up, down = mean[0], mean[4]
-    assert (down > up + 20.0) == below
-    assert (up > down + 20.0) == (not below)
+    assert (down - up if below else up - down) > 20.0
 
 
 def test_a_tool_that_slides_sees_one_side_only_and_says_so():

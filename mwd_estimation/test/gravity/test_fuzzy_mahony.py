@@ -3,15 +3,14 @@
 
 import numpy as np
 import pytest
+from gravity_runs import error_deg, inclination_error, recorded, rms
 
 from consistency import assert_consistent
 from mwd_estimation.gravity import fuzzy_mahony
 from mwd_sensors.core import frames
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.kalman import coning_rotation, in_turned_axes
-from project import REFERENCE_DATA
 
-BROAD = REFERENCE_DATA / "broad" / "27_disturbed_phone_vibration_B.npz"
 G0 = STANDARD_GRAVITY
 
 
@@ -113,21 +112,13 @@ def test_rotating_start_needs_no_still_interval():
     gyro = np.tile([rate, 0.0, 0.0], (n, 1))
     p = fuzzy_mahony.MahonyParams()
     got = fuzzy_mahony.run(p, fuzzy_mahony.initial(p), stamps_of(n, 100.0), gyro, accel)
-    error = np.degrees(np.arccos(np.clip(np.sum(got.g_t * truth, axis=1), -1, 1)))
-    assert np.sqrt(np.mean(error[1000:] ** 2)) < 3.0
+    assert rms(error_deg(got, truth)[1000:]) < 3.0
 
 
 def test_real_recording_is_followed_within_a_degree_and_sigma_knows_it():
-    data = np.load(BROAD)
-    x, y, z, w = data["quat"][:, 1], data["quat"][:, 2], data["quat"][:, 3], data["quat"][:, 0]
-    down = -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1).astype(float)
+    ((data, scored),) = recorded("27_disturbed_phone_vibration_B")
     p = fuzzy_mahony.MahonyParams()
-    got = fuzzy_mahony.run(
-        p, fuzzy_mahony.initial(p), stamps_of(len(down), float(data["fs"])), data["gyr"], data["acc"]
-    )
-    scored = data["movement"] & np.isfinite(down[:, 0])
-    cross = np.linalg.norm(np.cross(got.g_t, down), axis=1)
-    error = np.arctan2(cross, np.sum(got.g_t * down, axis=1))[scored]
-    assert np.degrees(np.sqrt(np.mean(error**2))) < 1.0
-    inclination = np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0])
-    assert_consistent((got.inclination - inclination)[scored], got.sigma_inclination[scored], correlated=True)
+    got = fuzzy_mahony.run(p, fuzzy_mahony.initial(p), *data[:3])
+    assert rms(error_deg(got, data.down)[scored]) < 1.0
+    errors = inclination_error(got, data.down)[scored]
+    assert_consistent(errors, got.sigma_inclination[scored], correlated=True)

@@ -3,12 +3,11 @@
 
 import numpy as np
 import pytest
+from gravity_runs import error_deg, recorded, rms
 
 from mwd_estimation.gravity import ligorio_kalman as kalman
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from project import REFERENCE_DATA
 
-BROAD = REFERENCE_DATA / "broad" / "27_disturbed_phone_vibration_B.npz"
 G0 = STANDARD_GRAVITY
 
 
@@ -42,23 +41,14 @@ def test_three_numbers_carry_the_covariance_of_the_full_six_state_filter():
 
 
 def test_a_still_tool_is_exact():
-    p = kalman.LigorioParams()
-    n = 2000
-    down = np.array([0.6, 0.0, 0.8])
-    got = kalman.run(
-        p, kalman.initial(p), np.arange(n, dtype=np.int64) * 10_000_000, np.zeros((n, 3)), np.tile(-G0 * down, (n, 1))
-    )
+    p, n, down = kalman.LigorioParams(), 2000, np.array([0.6, 0.0, 0.8])
+    stamps = np.arange(n, dtype=np.int64) * 10_000_000
+    got = kalman.run(p, kalman.initial(p), stamps, np.zeros((n, 3)), np.tile(-G0 * down, (n, 1)))
     assert got.g_t[-1] == pytest.approx(down, abs=1e-12)
 
 
 def test_real_recording_is_followed_within_three_degrees():
-    data = np.load(BROAD)
-    w, x, y, z = data["quat"].astype(float).T
-    down = -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+    ((data, scored),) = recorded("27_disturbed_phone_vibration_B")
     p = kalman.LigorioParams()
-    stamps = np.round(np.arange(len(down)) * 1e9 / float(data["fs"])).astype(np.int64)
-    got = kalman.run(p, kalman.initial(p), stamps, data["gyr"], data["acc"])
-    scored = data["movement"] & np.isfinite(down[:, 0])
-    cross = np.linalg.norm(np.cross(got.g_t, down), axis=1)
-    error = np.degrees(np.arctan2(cross, np.sum(got.g_t * down, axis=1)))[scored]
-    assert np.sqrt(np.mean(error**2)) < 3.0
+    got = kalman.run(p, kalman.initial(p), *data[:3])
+    assert rms(error_deg(got, data.down)[scored]) < 3.0

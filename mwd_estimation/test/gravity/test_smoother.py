@@ -3,35 +3,12 @@
 
 import numpy as np
 import pytest
+from gravity_runs import PARAMS, drilled, error_deg, followed, rms
 
-from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import smoother
-from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded import information, mechanisation
 from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, UpdateSums
 from mwd_sensors.core.records import dtype_of
-from mwd_sensors.simulator import scenario
-from mwd_sensors.simulator.sonde import Sonde
-from project import SCENARIOS
-
-BENCH = SCENARIOS / "bench"
-
-
-def drilled(case: str, seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    blocks = []
-    for block in Sonde(scenario.read(BENCH / f"{case}.yaml")).blocks(5.0):
-        blocks.append(block)
-        if len(blocks) * 5.0 >= seconds:
-            break
-    imu = np.concatenate([block["imu/data_raw"] for block in blocks])
-    truth = np.concatenate([block["truth"] for block in blocks])
-    down = truth["gravity"][np.searchsorted(truth["stamp_ns"], imu["stamp_ns"])]
-    return imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"], down
-
-
-def rms_deg(track: Track, down: np.ndarray, skip: int) -> float:
-    cross = np.linalg.norm(np.cross(track.g_t, down), axis=1)[skip:]
-    return float(np.degrees(np.sqrt(np.mean(np.arctan2(cross, np.sum(track.g_t * down, axis=1)[skip:]) ** 2))))
 
 
 def sums_of(rng: np.random.Generator) -> np.ndarray:
@@ -73,38 +50,32 @@ def test_a_measurement_adds_its_information_and_hides_what_it_has_corrected():
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["biasdrift", "surge", "stickslip", "gyroclip"])
 def test_the_smoother_is_better_than_the_filter_and_says_so(case):
-    stamps, gyro, accel, down = drilled(case, 40.0)
-    p = bounded.BoundedParams()
-    ahead = bounded.run(p, bounded.initial(p), stamps, gyro, accel)
-    both = smoother.smooth(p, stamps, gyro, accel)
-    assert rms_deg(both, down, 1000) < rms_deg(ahead, down, 1000)
+    data = drilled(case, 40.0)
+    ahead, both = followed(data), smoother.smooth(PARAMS, *data[:3])
+    assert rms(error_deg(both, data.down)[1000:]) < rms(error_deg(ahead, data.down)[1000:])
     assert np.median(both.sigma_inclination) < np.median(ahead.sigma_inclination)
     assert np.linalg.norm(both.g_t, axis=1) == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.slow
 def test_a_long_log_in_overlapping_blocks_is_the_log_in_one(monkeypatch):
-    stamps, gyro, accel, down = drilled("surge", 60.0)
-    p = bounded.BoundedParams()
-    whole = smoother.smooth(p, stamps, gyro, accel)
+    data = drilled("surge", 60.0)
+    whole = smoother.smooth(PARAMS, *data[:3])
     monkeypatch.setattr(smoother, "BLOCK", 3000)
     monkeypatch.setattr(smoother, "AHEAD", 1500)
-    parts = smoother.smooth(p, stamps, gyro, accel)
-    assert len(parts.g_t) == len(stamps)
-    difference = np.degrees(np.linalg.norm(parts.g_t - whole.g_t, axis=1))
-    assert np.sqrt(np.mean(difference[1000:] ** 2)) < 0.5 * rms_deg(whole, down, 1000)
+    parts = smoother.smooth(PARAMS, *data[:3])
+    assert rms(error_deg(parts, whole.g_t)[1000:]) < 0.5 * rms(error_deg(whole, data.down)[1000:])
 
 
 @pytest.mark.slow
 def test_a_stream_cut_anywhere_is_smoothed_to_the_same_bits_and_comes_out_in_time(monkeypatch):
     monkeypatch.setattr(smoother, "BLOCK", 1000)
     monkeypatch.setattr(smoother, "AHEAD", 400)
-    stamps, gyro, accel, _ = drilled("surge", 30.0)
-    p = bounded.BoundedParams()
-    whole = smoother.smooth(p, stamps, gyro, accel)
-    stream, parts, waiting = smoother.Smoother(p), [], []
-    for block in np.split(np.arange(len(stamps)), [1, 400, 2111, 2112]):
-        parts.append(stream.push(stamps[block], gyro[block], accel[block]))
+    data = drilled("surge", 30.0)
+    whole = smoother.smooth(PARAMS, *data[:3])
+    stream, parts, waiting = smoother.Smoother(PARAMS), [], []
+    for block in np.split(np.arange(len(data.stamps)), [1, 400, 2111, 2112]):
+        parts.append(stream.push(*data.part(block)[:3]))
         waiting.append(block[-1] + 1 - sum(len(part.g_t) for part in parts))
     parts.append(stream.finish())
     assert max(waiting) <= 1000
@@ -112,7 +83,6 @@ def test_a_stream_cut_anywhere_is_smoothed_to_the_same_bits_and_comes_out_in_tim
 
 
 def test_a_log_too_short_to_smooth_is_left_as_the_filter_has_it():
-    p = bounded.BoundedParams()
-    got = smoother.smooth(p, [0, 10_000_000], np.zeros((2, 3)), np.tile([0.0, 0.0, 9.8], (2, 1)))
+    got = smoother.smooth(PARAMS, [0, 10_000_000], np.zeros((2, 3)), np.tile([0.0, 0.0, 9.8], (2, 1)))
     assert got.g_t[-1] == pytest.approx([0.0, 0.0, -1.0])
-    assert smoother.smooth(p, np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3))).g_t.shape == (0, 3)
+    assert smoother.smooth(PARAMS, np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3))).g_t.shape == (0, 3)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from mwd_estimation.gyrocompass import north_seek, seek_filter
 from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
-from mwd_estimation.gyrocompass.seek_state import WORK, Error, SeekState, estimate
+from mwd_estimation.gyrocompass.seek_state import Error, SeekState, estimate
 from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import mat_nt
 
@@ -85,16 +85,3 @@ def test_it_starts_level_with_its_axis_north_and_every_azimuth_as_likely() -> No
     assert_allclose(math.acos(mat[2, 0]), 1.0, atol=1e-3)
     assert_allclose(state.P[EARTH, EARTH], np.eye(3) * (3.0 * p.horizontal) ** 2, atol=1e-4 * p.horizontal**2)
     assert_allclose(np.sqrt(np.diag(state.P)[BIAS]), p.start_bias, rtol=1e-3)
-
-
-def test_one_call_is_many_calls() -> None:
-    p = kernel_params(SeekParams())
-    clean = motion(5.0, 34.0 * math.radians(1.0), 1.0, 0.5, still, 50.0)
-    states = [north_seek.initial(), north_seek.initial()]
-    work = np.zeros(1, WORK)[0]
-    for state, size in zip(states, (250, 1), strict=True):
-        for i in range(0, 250, size):
-            at = slice(i, i + size)
-            columns = clean.stamp_ns[at], clean.gyro_t[at], clean.accel_t[at]
-            seek_filter.advance(p, state, work, *columns, np.zeros(size, np.uint8))
-    assert states[0] == states[1]

@@ -7,12 +7,12 @@ import math
 
 import numpy as np
 import pytest
+from window_steps import steps_of
 
 from mwd_estimation.core.axis_mappings import ACCEL, GYRO, MAG, MAPPINGS, MISTAKES
 from mwd_estimation.health import motion_window
 from mwd_estimation.health.carried_vectors import Window
-from mwd_estimation.health.motion_window import ROWS, STEP, Consistency, ExpectedField, Samples
-from mwd_estimation.health.stream_checks import STREAM
+from mwd_estimation.health.motion_window import Consistency, ExpectedField
 from mwd_sensors.core.kalman import in_turned_axes
 
 F = np.array([-3.0, 2.0, -9.0])
@@ -37,16 +37,9 @@ def filled(rate, gyro=IDENTITY, accel=IDENTITY, mag=IDENTITY, push=None):
         if k:
             f, b = (np.array(in_turned_axes(*v, *(w / HZ))) for v in (f, b))
         rates[k], forces[k], fields[k] = gyro @ w, accel @ f + (0.0 if push is None else push(k)), mag @ b
-    stamps = np.arange(n) * (10**9 // HZ)
-    samples = Samples(stamps, rates, forces, stamps, fields)
-    stream, steps = np.zeros(1, STREAM), np.zeros(ROWS, STEP)
-    stream["last_ns"] = stamps[0]
-    for start in range(0, n, HZ // 2):
-        stream["first"], stream["stop"] = start, start + HZ // 2
-        motion_window.add(stream[0], steps, samples)
-        stream["last_ns"] = stamps[start + HZ // 2 - 1]
-    assert stream[0].mag_first == n
-    return steps[: int(stream[0].steps)]
+    steps, stream = steps_of(rates, forces, fields, HZ)
+    assert stream.mag_first == n
+    return steps
 
 
 def window(*args, **kwargs):

@@ -76,18 +76,12 @@ def test_stamps_that_stand_still_are_a_fault_and_right_ones_end_it():
 def test_a_missing_magnetometer_is_seen_as_silent_only_after_it_came():
     stream, checks, channels = np.zeros(1, stream_checks.STREAM)[0], debounce.blank(), signal_checks.blank()
 
-    def seen():
-        found = [int(checks[code, 6].seen) for code in (FaultCode.NEVER_CAME, FaultCode.SILENT)]
-        checks["seen"] = NOTHING
-        return found
+    def seen(samples, stream=stream, expected=True):
+        checks["seen"], channels[6].n = NOTHING, samples
+        stream_checks.judge_silence(expected, stream, checks, channels, 0)
+        return [int(checks[code, 6].seen) for code in (FaultCode.NEVER_CAME, FaultCode.SILENT)]
 
-    stream_checks.judge_silence(True, stream, checks, channels, 0)
-    assert seen() == [FOR, NOTHING]
-    channels[6].n = 5
-    stream_checks.judge_silence(True, stream, checks, channels, 0)
-    assert seen() == [AGAINST, AGAINST]
-    channels[6].n = 0
-    stream_checks.judge_silence(True, stream, checks, channels, 0)
-    assert seen() == [NOTHING, FOR]
-    stream_checks.judge_silence(False, np.zeros(1, stream_checks.STREAM)[0], checks, channels, 0)
-    assert seen() == [NOTHING, NOTHING]
+    assert seen(0) == [FOR, NOTHING]
+    assert seen(5) == [AGAINST, AGAINST]
+    assert seen(0) == [NOTHING, FOR]
+    assert seen(0, np.zeros(1, stream_checks.STREAM)[0], expected=False) == [NOTHING, NOTHING]

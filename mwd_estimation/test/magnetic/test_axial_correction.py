@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Magnetic azimuth and its axial correction: S0's table, inverse pairs, sigma against error, slopes."""
+"""Magnetic azimuth and its axial correction: inverse pairs, sigma against error, slopes."""
 
 import math
 
@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis.strategies import floats
 
-from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.magnetic import axial_correction
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
@@ -30,18 +29,14 @@ def readings(inc, azi, toolface, horizontal=HORIZONTAL, vertical=VERTICAL, axial
     return mat_tn @ np.array([0.0, 0.0, -9.81]), b_t
 
 
-@pytest.mark.parametrize(
-    ("axial", "b_x", "raw"), [(2e-5, 5.0014, 28.87), (4e-5, 7.0014, 21.67), (8e-5, 11.0014, 14.30)]
-)
-def test_table_1_of_s0_is_reproduced_to_a_hundredth_of_a_degree(axial, b_x, raw):
-    h, v = 4e-5 * np.cos(12 * DEG), 4e-5 * np.sin(12 * DEG)
-    # theta = -23 and phi = -68 deg in the paper's angles.
-    f_t, b_t = readings(67 * DEG, 42 * DEG, 112 * DEG, h, v, axial)
-    assert b_t * 1e5 == pytest.approx([b_x, -0.6372, -2.5662], abs=6e-5)
-    assert magnetic_geometry.raw_azimuth(f_t, b_t) / DEG == pytest.approx(raw, abs=0.01)
-    done = axial_correction.axial_correction(f_t, b_t, h, v, SENSORS, reference_covariance(4e-5, 12 * DEG))
-    assert done.azimuth / DEG == pytest.approx(42.0, abs=0.01)
-    assert done.interference == pytest.approx(axial, abs=1e-9)
+def corrected(f_t, b_t, total=TOTAL, dip=DIP, **priors):
+    """The correction of these readings in a field of this strength and dip."""
+    field = total * np.cos(dip), total * np.sin(dip)
+    if np.ndim(total):
+        covariance = np.stack([reference_covariance(*one) for one in zip(total, dip, strict=True)])
+    else:
+        covariance = reference_covariance(total, dip)
+    return axial_correction.axial_correction(f_t, b_t, *field, SENSORS, covariance, **priors)
 
 
 ANY_ANGLE = floats(0.0, 2.0 * math.pi)
@@ -54,7 +49,7 @@ ANY_ANGLE = floats(0.0, 2.0 * math.pi)
 def test_correction_finds_azimuth_and_interference_in_every_quadrant_and_hemisphere(inc, azi, toolface, axial, dip):
     h, v = TOTAL * math.cos(dip), TOTAL * math.sin(dip)
     f_t, b_t = readings(inc, azi, toolface, h, v, axial)
-    done = axial_correction.axial_correction(f_t, b_t, h, v, SENSORS, reference_covariance(dip=dip))
+    done = corrected(f_t, b_t, dip=dip)
     assert wrap_pi(done.azimuth - azi) == pytest.approx(0.0, abs=1e-6)
     assert done.interference == pytest.approx(axial, abs=1e-10)
 
@@ -67,10 +62,7 @@ def monte_carlo(inc, azi, runs, seed, axial=900e-9, **priors):
     f_t, b_t = readings(inc, azi, rng.uniform(0, 6.28, runs), axial=axial)
     f_t = f_t + rng.normal(0, 0.004, f_t.shape)
     b_t = b_t + rng.normal(0, 70e-9, b_t.shape)
-    covs = np.stack([reference_covariance(t, d) for t, d in zip(total, dip, strict=True)])
-    done = axial_correction.axial_correction(
-        f_t, b_t, total * np.cos(dip), total * np.sin(dip), SENSORS, covs, **priors
-    )
+    done = corrected(f_t, b_t, total, dip, **priors)
     return wrap_pi(done.azimuth - azi), done
 
 
@@ -109,11 +101,8 @@ def test_sigma_stays_honest_there_with_interference_as_strong_as_the_field(inc, 
 @pytest.mark.parametrize(("azi", "axial"), [(0, -40e-6), (60, -40e-6), (135, 22e-6), (180, 40e-6), (225, 22e-6)])
 def test_a_mirror_is_reported_where_neither_interference_is_imaginable(azi, axial):
     # Exactly horizontal, 50 uT at 60 deg dip: the mirror asks for several times the plausible interference too.
-    h, v = 25e-6, 43.3e-6
-    f_t, b_t = readings(90 * DEG, azi * DEG, 0.7, h, v, axial)
-    done = axial_correction.axial_correction(
-        f_t, b_t, h, v, SENSORS, reference_covariance(50e-6, 60 * DEG), plausible=3e-6
-    )
+    f_t, b_t = readings(90 * DEG, azi * DEG, 0.7, 25e-6, 50e-6 * math.sin(60 * DEG), axial)
+    done = corrected(f_t, b_t, 50e-6, 60 * DEG, plausible=3e-6)
     assert done.mirror
     two = done.both
     assert np.min(np.abs(wrap_pi(two - azi * DEG))) < 0.01 * DEG
@@ -124,10 +113,7 @@ def test_a_mirror_is_reported_where_neither_interference_is_imaginable(azi, axia
 @pytest.mark.fault_case(25)
 def test_sigma_explodes_towards_the_horizontal_east_west_hole_and_not_elsewhere():
     def sigma(inc, azi):
-        f_t, b_t = readings(inc * DEG, azi * DEG, 0.7)
-        cov = reference_covariance()
-        done = axial_correction.axial_correction(f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, cov, plausible=3e-6)
-        return done.sigma_azimuth / DEG
+        return corrected(*readings(inc * DEG, azi * DEG, 0.7), plausible=3e-6).sigma_azimuth / DEG
 
     assert sigma(30, 90) < sigma(60, 90) < sigma(80, 90) < sigma(88, 90)
     assert sigma(88, 90) > 5.0
@@ -138,12 +124,9 @@ def test_sigma_explodes_towards_the_horizontal_east_west_hole_and_not_elsewhere(
 
 def test_a_horizontal_hole_has_a_mirror_solution_unless_the_interference_is_bounded():
     f_t, b_t = readings(90 * DEG, 20 * DEG, 1.0, axial=900e-9)
-    free = axial_correction.axial_correction(f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, reference_covariance())
+    free, bound = corrected(f_t, b_t), corrected(f_t, b_t, plausible=3e-6)
     assert free.mirror
     assert free.sigma_azimuth > 90 * DEG
-    bound = axial_correction.axial_correction(
-        f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, reference_covariance(), plausible=3e-6
-    )
     assert not bound.mirror
     assert bound.azimuth / DEG == pytest.approx(20.0, abs=1e-6)
 
@@ -152,21 +135,17 @@ def test_a_horizontal_hole_has_a_mirror_solution_unless_the_interference_is_boun
 def test_cross_axial_interference_shows_as_misfit_and_is_not_taken_for_axial():
     f_t, b_t = readings(40 * DEG, 130 * DEG, 1.0)
     # Along the field seen across the axis: the cross-axis field is longer than any azimuth allows.
-    done = axial_correction.axial_correction(
-        f_t, b_t + np.array([0.0, 3e-6, 3e-6]), HORIZONTAL, VERTICAL, SENSORS, reference_covariance()
-    )
-    assert done.chi_square > 10.83
+    assert corrected(f_t, b_t + np.array([0.0, 3e-6, 3e-6])).chi_square > 10.83
 
 
 def test_a_vertical_hole_gives_nan_beside_good_stations():
     f_t, b_t = readings(np.array([0.0, 0.8]), np.array([0.0, 2.0]), 0.5)
     f_t[0] = [-9.81, 0.0, 0.0]
-    done = axial_correction.axial_correction(f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, reference_covariance())
+    done = corrected(f_t, b_t)
     assert np.isnan(done.azimuth[0])
     assert done.azimuth[1] == pytest.approx(2.0, abs=1e-9)
 
 
 def test_a_plausible_interference_that_is_not_positive_is_refused():
-    f_t, b_t = readings(0.5, 0.5, 0.5)
     with pytest.raises(ValueError, match="plausible"):
-        axial_correction.axial_correction(f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, reference_covariance(), 0.0)
+        corrected(*readings(0.5, 0.5, 0.5), plausible=0.0)

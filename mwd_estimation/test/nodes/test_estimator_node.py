@@ -20,6 +20,7 @@ from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.estimator import EstimatorNode, SampleCounts
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import Place
 from mwd_sensors.core import wire
 from mwd_sensors.core.message_record import stamp_of
 from mwd_sensors.core.mount import resolve
@@ -45,16 +46,22 @@ def changed(**blocks):
     return node, answers
 
 
-def test_a_node_that_was_never_configured_shuts_down_and_ends_its_process():
+@pytest.fixture
+def node():
+    """An estimator in a context of its own."""
     context = rclpy.Context()
     rclpy.init(args=[], context=context)
-    node = EstimatorNode(context=context)
+    made = EstimatorNode(context=context)
     try:
-        assert node.trigger_shutdown() == TransitionCallbackReturn.SUCCESS
-        assert node.stop_requested.done()
+        yield made
     finally:
-        node.destroy_node()
+        made.destroy_node()
         rclpy.shutdown(context=context)
+
+
+def test_a_node_that_was_never_configured_shuts_down_and_ends_its_process(node):
+    assert node.trigger_shutdown() == TransitionCallbackReturn.SUCCESS
+    assert node.stop_requested.done()
 
 
 # Values that no parameter takes, whatever its type: of another type, no number, beyond any range, or no text.
@@ -63,29 +70,22 @@ NEVER = (float("inf"), -1e300, 1e300, -(2**62), [b"a"], [float("nan")] * 9, "a\0
 
 @pytest.mark.fault_case(85)
 @pytest.mark.parametrize("transitions", [(), ("configure",), ("configure", "activate")])
-def test_no_parameter_takes_what_it_cannot_be_and_each_keeps_its_value(transitions):
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context)
-    node = EstimatorNode(context=context)
-    try:
-        for name in transitions:
-            assert getattr(node, f"trigger_{name}")() == TransitionCallbackReturn.SUCCESS
-        names = [name for name in node._parameters if name not in ("use_sim_time", "start_type_description_service")]
-        before = {name: repr(node.get_parameter(name).value) for name in names}
-        settings = node.settings
-        assert len(names) > 50
-        for name in names:
-            for value in NEVER:
-                # A good one beside the bad one is not taken either.
-                both = [Parameter("survey.duration_s", value=17.0), Parameter(name, value=value)]
-                result = node.set_parameters_atomically(both if name != "survey.duration_s" else both[1:])
-                assert not result.successful, (name, value)
-                assert 10 < len(result.reason) < 1500, (name, value)
-        assert {name: repr(node.get_parameter(name).value) for name in names} == before
-        assert node.settings == settings
-    finally:
-        node.destroy_node()
-        rclpy.shutdown(context=context)
+def test_no_parameter_takes_what_it_cannot_be_and_each_keeps_its_value(node, transitions):
+    for name in transitions:
+        assert getattr(node, f"trigger_{name}")() == TransitionCallbackReturn.SUCCESS
+    names = [name for name in node._parameters if name not in ("use_sim_time", "start_type_description_service")]
+    before = {name: repr(node.get_parameter(name).value) for name in names}
+    settings = node.settings
+    assert len(names) > 50
+    for name in names:
+        for value in NEVER:
+            # A good one beside the bad one is not taken either.
+            both = [Parameter("survey.duration_s", value=17.0), Parameter(name, value=value)]
+            result = node.set_parameters_atomically(both if name != "survey.duration_s" else both[1:])
+            assert not result.successful, (name, value)
+            assert 10 < len(result.reason) < 1500, (name, value)
+    assert {name: repr(node.get_parameter(name).value) for name in names} == before
+    assert node.settings == settings
 
 
 @pytest.mark.fault_case(85)
@@ -93,22 +93,15 @@ def test_no_parameter_takes_what_it_cannot_be_and_each_keeps_its_value(transitio
     ("name", "value"),
     [("place.date", "2026-02-30"), ("place.date", "x"), ("frame_prefix", "other/"), ("survey.duration_s", 12)],
 )
-def test_a_day_that_does_not_exist_and_what_is_fixed_at_the_start_are_refused(name, value):
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context)
-    node = EstimatorNode(context=context)
-    try:
-        before = node.get_parameter(name).value
-        assert not node.set_parameters_atomically([Parameter(name, value=value)]).successful
-        assert node.get_parameter(name).value == before
-    finally:
-        node.destroy_node()
-        rclpy.shutdown(context=context)
+def test_a_day_that_does_not_exist_and_what_is_fixed_at_the_start_are_refused(node, name, value):
+    before = node.get_parameter(name).value
+    assert not node.set_parameters_atomically([Parameter(name, value=value)]).successful
+    assert node.get_parameter(name).value == before
 
 
 def test_a_change_of_settings_answers_a_survey_that_was_asked_for():
     _, answers = changed()
-    assert (False, "no survey taken: the settings were changed") in answers
+    assert [one[0] for one in answers if isinstance(one, tuple)] == [False]
 
 
 @pytest.mark.parametrize(("silent", "waits_for"), [(True, "gyro"), (True, None), (False, "gyro")])
@@ -121,7 +114,7 @@ def test_a_survey_that_waits_goes_out_when_the_samples_stop(silent, waits_for):
         _publish_pending_survey=lambda: published.append(True),
     )
     EstimatorNode._end_silent_survey(node)
-    assert answers == ([(False, "no survey taken: the samples stopped")] if silent else [])
+    assert [success for success, _ in answers] == [False] * silent
     assert bool(published) == (silent and bool(waits_for))
 
 
@@ -137,17 +130,14 @@ def test_a_field_given_by_service_outlives_a_change_of_settings_but_not_of_the_p
 @pytest.mark.fault_case(36)
 @pytest.mark.parametrize("date", ["2026-13-01", "1066-01-01", "2031-01-01"])
 def test_a_day_that_the_field_model_does_not_know_is_refused_before_it_is_accepted(date):
-    settings = EstimatorSettings()
-    place = dataclasses.replace(settings.place, field="model", lat_deg=60.0, lon_deg=2.0, date=date)
+    place = Place(field="model", lat_deg=60.0, lon_deg=2.0, date=date)
     with pytest.raises(ValueError, match=date[:4]):
-        EstimatorNode.check_settings(SimpleNamespace(), dataclasses.replace(settings, place=place))
+        EstimatorNode.check_settings(SimpleNamespace(), EstimatorSettings(place=place))
 
 
 @pytest.mark.fault_case(36)
 def test_a_clock_outside_the_field_model_costs_the_reference_not_the_attitude():
-    settings = EstimatorSettings()
-    place = dataclasses.replace(settings.place, field="model", lat_deg=60.0, lon_deg=2.0)
-    pipeline = Pipeline(dataclasses.replace(settings, place=place))
+    pipeline = Pipeline(EstimatorSettings(place=Place(field="model", lat_deg=60.0, lon_deg=2.0)))
     imu = wire.IMU.empty(400)
     imu["stamp_ns"] = np.arange(1, 401) * 10_000_000
     imu["linear_acceleration"] = (-7.0, 0.0, 7.0)
@@ -155,7 +145,7 @@ def test_a_clock_outside_the_field_model_costs_the_reference_not_the_attitude():
     assert np.isfinite(output.attitude["inclination"]).all()
     shown = diagnostics.reference_diagnostic(pipeline.reference)
     assert "outside wmm2025" in shown.message
-    assert shown.remedy == "set the clock, or place.date"
+    assert "place.date" in shown.remedy
 
 
 def test_a_request_has_the_time_of_the_samples_after_a_lone_stamp_and_after_the_clock_was_set_back():

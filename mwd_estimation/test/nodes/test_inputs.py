@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from mwd_estimation.core.fault_messages import describe
+from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.inputs import InputTopics
 from mwd_estimation.pipeline.pipeline import Pipeline
@@ -59,20 +59,25 @@ def stamped(layout, n=40, hz=100.0, later_s=0.0):
     return rows
 
 
+@pytest.fixture
+def now(monkeypatch):
+    """The time of the node, s, that the test sets; kernels that are compiled meanwhile would make a topic silent."""
+    times = [1000.0]
+    monkeypatch.setattr("mwd_estimation.nodes.inputs.time.monotonic", lambda: times[0])
+    return times
+
+
 @pytest.mark.fault_case(50)
-def test_a_rate_that_a_turning_string_outruns_is_named(monkeypatch):
-    # Kernels that are compiled meanwhile would make the topic silent.
-    monkeypatch.setattr("mwd_estimation.nodes.inputs.time.monotonic", lambda: 1000.0)
+def test_a_rate_that_a_turning_string_outruns_is_named(now):
     slow = topics(imu__data_raw=stamped(wire.IMU, hz=1.0)).diagnostic("imu/data_raw", 40, b"\x02")
-    assert slow.message.startswith("rate too low: 1.0 Hz")
+    assert slow.level == WARN
+    assert "rate too low: 1.0 Hz" in slow.message
     sound = topics(imu__data_raw=stamped(wire.IMU)).diagnostic("imu/data_raw", 40, b"\x02")
-    assert sound.message == "arriving"
+    assert sound.level == OK
 
 
 @pytest.mark.fault_case(50)
-def test_a_queue_that_was_full_is_named_and_forgotten(monkeypatch):
-    now = [1000.0]
-    monkeypatch.setattr("mwd_estimation.nodes.inputs.time.monotonic", lambda: now[0])
+def test_a_queue_that_was_full_is_named_and_forgotten(now):
     levels = []
     for waiting_samples in (qos.LONG_QUEUE - 1, qos.LONG_QUEUE):
         inputs = topics(imu__data_raw=stamped(wire.IMU, waiting_samples, 1000.0))
@@ -100,8 +105,7 @@ def test_the_share_of_lost_samples_is_shown(hz, share):
 def test_stamps_of_a_clock_that_jitters_by_periods_show_no_loss():
     rows = stamped(wire.IMU, 1000)
     rows["stamp_ns"] = np.sort(rows["stamp_ns"] + np.random.default_rng(1).integers(0, 200_000_000, 1000))
-    found = topics(imu__data_raw=rows).diagnostic("imu/data_raw", 1, b"\x02")
-    assert found.message == "arriving"
+    assert topics(imu__data_raw=rows).diagnostic("imu/data_raw", 1, b"\x02").level == OK
 
 
 @pytest.mark.fault_case(51)
@@ -135,9 +139,7 @@ def test_a_magnetometer_that_falls_silent_is_not_taken_for_one_on_another_clock(
 
 
 @pytest.mark.fault_case(11, 53)
-def test_a_second_unit_on_a_topic_is_named_and_left_out_and_leaves_no_trace(monkeypatch):
-    now = [1000.0]
-    monkeypatch.setattr("mwd_estimation.nodes.inputs.time.monotonic", lambda: now[0])
+def test_a_second_unit_on_a_topic_is_named_and_left_out_and_leaves_no_trace(now):
     inputs = topics(imu__mag=stamped(wire.MAG))
     own = inputs.frames["imu/mag"]
 
@@ -163,9 +165,7 @@ def test_a_second_unit_on_a_topic_is_named_and_left_out_and_leaves_no_trace(monk
     assert inputs.mount_key == key
 
 
-def test_copies_of_a_second_publisher_are_named_and_not_used_until_it_leaves(monkeypatch):
-    now = [1000.0]
-    monkeypatch.setattr("mwd_estimation.nodes.inputs.time.monotonic", lambda: now[0])
+def test_copies_of_a_second_publisher_are_named_and_not_used_until_it_leaves(now):
     inputs, sound = topics(), stamped(wire.IMU, 300)
     sound["angular_velocity"][:, 0] = np.arange(300.0)
     for k in range(0, 200, 10):
@@ -179,9 +179,7 @@ def test_copies_of_a_second_publisher_are_named_and_not_used_until_it_leaves(mon
     assert inputs.repeat_diagnostics() == []
 
 
-def test_the_frame_of_an_exchanged_unit_is_followed_once_the_old_one_is_silent(monkeypatch):
-    now = [1000.0]
-    monkeypatch.setattr("mwd_estimation.nodes.inputs.time.monotonic", lambda: now[0])
+def test_the_frame_of_an_exchanged_unit_is_followed_once_the_old_one_is_silent(now):
     inputs, used = topics(imu__mag=stamped(wire.MAG)), []
     for _ in range(40):
         now[0] += 0.1
@@ -198,11 +196,9 @@ def test_what_covariances_declare_is_in_the_diagnostics():
     imu = stamped(wire.IMU)
     imu["angular_velocity_covariance"][:, 0] = -1.0
     imu["linear_acceleration_covariance"][:, 4] = -3.0
-    found = topics(imu__data_raw=imu).covariance_diagnostics()
-    assert [one.message for one in found if one.level == WARN] == [
-        "imu/data_raw: angular_velocity is declared not provided: it is not used",
-        "imu/data_raw: linear_acceleration comes with no covariance: the noise of the tool's settings is used",
-    ]
+    rates, forces = (one for one in topics(imu__data_raw=imu).covariance_diagnostics() if one.level == WARN)
+    assert "angular_velocity is declared not provided" in rates.message
+    assert "linear_acceleration comes with no covariance" in forces.message
 
 
 @pytest.mark.fault_case(13, 17)
@@ -215,8 +211,8 @@ def test_unknown_covariances_and_an_orientation_are_noted_once(orientation):
     assert [one.name for one in found] == ["unknown covariances", "orientation imu/data_raw"]
     assert all(name in found[0].message for name in ("angular_velocity", "linear_acceleration", "magnetic_field"))
     imu["orientation_covariance"][:, 0] = -1.0
-    imu["angular_velocity_covariance"] = imu["linear_acceleration_covariance"] = np.diag([1e-6] * 3).ravel()
-    mag["magnetic_field_covariance"] = np.diag([1e-14] * 3).ravel()
+    imu["angular_velocity_covariance"] = imu["linear_acceleration_covariance"] = diagonal(1e-3)
+    mag["magnetic_field_covariance"] = diagonal(1e-7)
     assert topics(imu__data_raw=imu, imu__mag=mag).covariance_diagnostics() == []
 
 
@@ -229,11 +225,16 @@ def still(n=4000):
     return imu, mag
 
 
-def estimated(imu, mag):
-    pipeline = Pipeline(EstimatorSettings())
+def estimated(imu, mag, **settings):
+    pipeline = Pipeline(EstimatorSettings(**settings))
     pipeline.push_mag(judge(mag, wire.MAG.type_name).samples)
     output = pipeline.push_imu(judge(imu, wire.IMU.type_name).samples)
     return pipeline, output, [*output.surveys, *pipeline.finish().surveys]
+
+
+def diagonal(sigma):
+    """A covariance with these sigmas of its axes."""
+    return (sigma**2 * np.eye(3)).ravel()
 
 
 @pytest.mark.fault_case(16, 17)
@@ -243,20 +244,18 @@ def test_overconfident_covariances_and_any_orientation_change_no_bit_of_the_esti
     imu["orientation"] = np.random.default_rng(1).normal(size=(len(imu), 4))
     imu["orientation"][::2] = 0.0
     for name in ("angular_velocity_covariance", "linear_acceleration_covariance"):
-        imu[name] = np.diag([1e-18] * 3).ravel()
-    mag["magnetic_field_covariance"] = np.diag([1e-30] * 3).ravel()
+        imu[name] = diagonal(1e-9)
+    mag["magnetic_field_covariance"] = diagonal(1e-15)
     assert estimated(imu, mag)[1].attitude.tobytes() == plain.tobytes()
 
 
-def noisy(imu, mag, vector=None, sigma=0.0):
-    """The estimate with the noise that the covariance of one vector states."""
-    imu, mag = imu.copy(), mag.copy()
+def noisy(vector=None, sigma=0.0):
+    """The pipeline, the last row and the survey of a tool at rest whose messages state this noise of a vector."""
+    imu, mag = still()
     if vector:
-        (mag if vector == "magnetic_field" else imu)[f"{vector}_covariance"] = np.diag([sigma**2] * 3).ravel()
-    pipeline = Pipeline(EstimatorSettings(place=PLACE))
-    pipeline.push_mag(mag)
-    output = pipeline.push_imu(imu)
-    return pipeline, output.attitude[-1], [*output.surveys, *pipeline.finish().surveys][0]
+        (mag if vector == "magnetic_field" else imu)[f"{vector}_covariance"] = diagonal(sigma)
+    pipeline, output, surveys = estimated(imu, mag, place=PLACE)
+    return pipeline, output.attitude[-1], surveys[0]
 
 
 @pytest.mark.parametrize(
@@ -268,29 +267,22 @@ def noisy(imu, mag, vector=None, sigma=0.0):
     ],
 )
 def test_a_covariance_larger_than_the_tools_widens_the_sigmas_and_is_named(vector, sigma, words):
-    imu, mag = still()
-    _, plain, survey = noisy(imu, mag)
-    pipeline, wide, widened = noisy(imu, mag, vector, sigma)
-    (note,) = pipeline.noise_notes
-    assert words in note
+    (_, plain, survey), (pipeline, wide, widened) = noisy(), noisy(vector, sigma)
     (shown,) = diagnostics.input_diagnostics(pipeline)
-    assert shown.message == note
-    if vector == "magnetic_field":
-        assert wide["sigma_azimuth"] > 1.2 * plain["sigma_azimuth"]
-        assert widened.station.sigma_azimuth > 1.2 * survey.station.sigma_azimuth
-    elif vector == "angular_velocity":
-        # At rest gravity bounds what the gyros add.
-        assert wide["sigma_inclination"] > plain["sigma_inclination"]
-    else:
-        assert wide["sigma_inclination"] > 1.2 * plain["sigma_inclination"]
-        assert widened.station.sigma_inclination > 1.2 * survey.station.sigma_inclination
+    assert words in shown.message
+    assert [shown.message] == pipeline.noise_notes
+    angle = "sigma_azimuth" if vector == "magnetic_field" else "sigma_inclination"
+    assert wide[angle] > plain[angle]
+    # At rest gravity bounds what the gyros add.
+    if vector != "angular_velocity":
+        assert wide[angle] > 1.2 * plain[angle]
+        assert getattr(widened.station, angle) > 1.2 * getattr(survey.station, angle)
 
 
 def test_a_covariance_no_larger_than_the_tools_changes_no_bit():
-    imu, mag = still()
-    plain = noisy(imu, mag)[1]
+    plain = noisy()[1]
     for vector, sigma in (("angular_velocity", 1e-3), ("linear_acceleration", 0.02), ("magnetic_field", 5e-8)):
-        pipeline, same, _ = noisy(imu, mag, vector, sigma)
+        pipeline, same, _ = noisy(vector, sigma)
         assert pipeline.noise_notes == []
         assert same == plain
 
@@ -304,10 +296,8 @@ def test_without_a_gyro_a_still_tool_gives_surveys_and_the_gyro_is_named():
     (survey,) = surveys
     expected = np.arctan2(6.87, 7.0)
     assert survey.station.inclination == pytest.approx(expected, abs=1e-3)
-    (named,) = [
-        found.message for found in diagnostics.sensor_diagnostics(pipeline, has_azimuth=True) if "gyro" in found.message
-    ]
-    assert named == "gyro is not used: its messages declare it not provided (covariance -1)"
+    (named,) = [one for one in diagnostics.sensor_diagnostics(pipeline, has_azimuth=True) if "gyro" in one.message]
+    assert "declare it not provided" in named.message
     # The gyro is waited for before gravity is followed without it.
     assert np.isfinite(output.attitude["inclination"][200:]).all()
 
@@ -329,9 +319,8 @@ def test_a_broken_sensor_is_an_error_where_the_tool_loses_an_angle_by_it(vector,
     imu, mag = still()
     (mag if vector == "magnetic_field" else imu)[vector] = np.nan
     found = sensor_entries(imu, mag, has_azimuth=has_azimuth)
-    assert {one.level for one in found if ("sensor", "magnetometer") in one.values or vector != "magnetic_field"} == {
-        level
-    }
+    named = [one for one in found if ("sensor", "magnetometer") in one.values or vector != "magnetic_field"]
+    assert {one.level for one in named} == {level}
 
 
 @pytest.mark.fault_case(14)
@@ -342,38 +331,30 @@ def test_a_sensor_declared_absent_is_named_as_that_and_a_broken_one_as_broken(ve
     imu, mag = still()
     samples = mag if vector == "magnetic_field" else imu
     samples[f"{vector}_covariance"][:, 0] = -1.0
-    declared = [found for found in sensor_entries(imu, mag, has_azimuth=False) if sensor in found.message]
-    message = f"{sensor} is not used: its messages declare it not provided (covariance -1)"
-    assert [found.message for found in declared] == [message]
-    assert f"{vector}_covariance" in declared[0].remedy
+    (declared,) = [found for found in sensor_entries(imu, mag, has_azimuth=False) if sensor in found.message]
+    assert "declare it not provided" in declared.message
+    assert f"{vector}_covariance" in declared.remedy
     samples[f"{vector}_covariance"], samples[vector] = 0.0, np.nan
     (broken,) = [found for found in sensor_entries(imu, mag, has_azimuth=False) if sensor in found.message]
-    assert broken.message == f"{sensor} sends values that are not finite or far outside its range"
+    assert "not finite" in broken.message
     assert "plug" in broken.remedy
 
 
 @pytest.mark.parametrize("cut", [7, 500])
 def test_a_sensor_that_is_declared_absent_only_after_it_failed_is_broken_however_the_samples_are_cut(cut):
-    n, rng, pipeline, changes = 500, np.random.default_rng(1), Pipeline(EstimatorSettings()), []
-    imu, mag = wire.IMU.empty(n), wire.MAG.empty(n)
-    imu["stamp_ns"] = mag["stamp_ns"] = 10**18 + 10**7 * np.arange(n)
-    imu["angular_velocity"] = 1e-3 * rng.normal(size=(n, 3))
-    imu["linear_acceleration"] = [-9.0, 0.5, 3.8] + 5e-3 * rng.normal(size=(n, 3))
-    mag["magnetic_field"] = [2e-5, 1e-5, 4e-5] + 5e-8 * rng.normal(size=(n, 3))
+    imu, mag = (samples[:500] for samples in still())
     mag["magnetic_field"][100:] = np.nan
     mag["magnetic_field_covariance"][400:, 0] = -1.0
-    for k in range(0, n, cut):
+    pipeline, changes = Pipeline(EstimatorSettings()), []
+    for k in range(0, 500, cut):
         pipeline.push_mag(mag[k : k + cut])
         changes += pipeline.push_imu(imu[k : k + cut]).health
-    assert [describe(change).message for change in changes] == [
-        "magnetometer sends values that are not finite or far outside its range"
-    ]
+    assert [(change.code, change.place // 3) for change in changes] == [(FaultCode.INVALID, 2)]
 
 
 def test_samples_that_were_not_used_are_told_with_the_remedy_of_their_cause():
     imu, mag = still()
-    late = Pipeline(EstimatorSettings())
-    half = len(imu) // 2
+    late, half = Pipeline(EstimatorSettings()), len(imu) // 2
     late.push_imu(imu[:half])
     late.push_mag(mag[:half])
     late.push_imu(imu[half:])
@@ -388,7 +369,7 @@ def test_a_tool_hotter_than_its_calibration_is_warned_of_until_it_has_cooled():
     heat["temperature"] = 190.0
     pipeline.push_temperature(heat)
     (shown,) = diagnostics.input_diagnostics(pipeline)
-    assert shown.message == "190 degC is outside of the calibration: the sigmas are widened"
+    assert "190 degC is outside of the calibration" in shown.message
     assert shown.level == WARN
     heat["temperature"] = 90.0
     pipeline.push_temperature(heat)

@@ -52,19 +52,17 @@ def live():
     live.close()
 
 
+def published(live):
+    """Sequence, revision and verdict of the published surveys, and whether each is withdrawn."""
+    return [(one.sequence, one.revision, one.station.verdict, one.withdrawn) for one, _ in live.published]
+
+
 def test_a_changed_verdict_is_published_once_and_counts_and_may_go_back_to_the_first_one(live):
-    doubtful = dataclasses.replace(STATION, verdict="doubtful")
-    rejected = dataclasses.replace(STATION, verdict="reject")
     live.judge(1)
-    live.judge(2, s1=doubtful)
-    live.judge(3, s1=doubtful)
-    live.judge(4, s1=rejected)
-    live.judge(5, s1=STATION)
-    assert [(one.sequence, one.revision, one.station.verdict, frame) for one, frame in live.published] == [
-        (1, 1, "doubtful", "sonde_link"),
-        (1, 2, "reject", "sonde_link"),
-        (1, 3, "accept", "sonde_link"),
-    ]
+    for number, verdict in ((2, "doubtful"), (3, "doubtful"), (4, "reject"), (5, "accept")):
+        live.judge(number, s1=dataclasses.replace(STATION, verdict=verdict))
+    assert published(live) == [(1, 1, "doubtful", False), (1, 2, "reject", False), (1, 3, "accept", False)]
+    assert {frame for _, frame in live.published} == {"sonde_link"}
     assert live.published[0][0].uuid == survey(1).uuid
 
 
@@ -75,19 +73,15 @@ def test_a_rotary_survey_is_no_station_of_the_run(live):
 
 
 def test_a_survey_is_withdrawn_once_and_comes_back_when_the_fault_has_gone(live):
-    rejected = dataclasses.replace(STATION, verdict="reject")
-    live.judge(1, s1=rejected, withdrawn=True)
-    live.judge(2, s1=rejected, withdrawn=True)
+    for number in (1, 2):
+        live.judge(number, s1=dataclasses.replace(STATION, verdict="reject"), withdrawn=True)
     live.judge(3)
     live.judge(4)
-    assert [(one.sequence, one.revision, one.station.verdict, one.withdrawn) for one, _ in live.published] == [
-        (1, 1, "reject", True),
-        (1, 2, "accept", False),
-    ]
+    assert published(live) == [(1, 1, "reject", True), (1, 2, "accept", False)]
 
 
 def test_what_is_still_to_be_revised_is_published_before_the_estimator_stops(live):
     live.says = {1: survey(1, station=dataclasses.replace(STATION, verdict="reject"))}
     live.live.take(survey(1), live, "sonde_link")
     live.live.finish()
-    assert [(one.sequence, one.station.verdict) for one, _ in live.published] == [(1, "reject")]
+    assert published(live) == [(1, 1, "reject", False)]

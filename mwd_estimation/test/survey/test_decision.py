@@ -45,6 +45,16 @@ def decision(faults=None):
     return SurveyDecision(StationSettings(), faults or FaultHistory())
 
 
+def by_gyro(azimuth, sigma=0.01, *, limit=None, inclination=0.8, method="still", refused=None, **more):
+    """What a north seek of a minute gives."""
+    return Solution(refused, method, azimuth, sigma, inclination, 0.0, 60.0, limit or sigma, **more)
+
+
+def taken(decide, k, inclination, azimuth, *, gyro=None, known=NOTHING, **errors):
+    """The k-th survey of a run with these errors of the readings; known: the azimuth that the gyros carried there."""
+    return decide.complete(decide.begin(average(k, inclination, azimuth, **errors), k, REFERENCE, gyro), known)
+
+
 def drawn_run(seed):
     """Surveys of a run drawn at random: interference of all kinds, a gyro that finds north, refuses it or is silent."""
     rng = np.random.default_rng(seed)
@@ -61,7 +71,7 @@ def drawn_run(seed):
         refused = Reason(rng.choice(REFUSALS), 0.3, 0.1, (0.2, 0.4)) if rng.random() < 0.4 else None
         choices = ((azimuth, 0.03), (math.pi - azimuth, 0.03)) if rng.random() < 0.5 else ()
         sigma, limit = rng.choice([0.005, 0.05, 0.2]), rng.choice([0.002, 0.2])
-        gyro = Solution(refused, "still", azimuth, sigma, inclination, 0.0, 60.0, limit, choices=choices)
+        gyro = by_gyro(azimuth, sigma, limit=limit, inclination=inclination, refused=refused, choices=choices)
         begun = decide.begin(still, k + 1, REFERENCE, gyro if rng.random() < 0.8 else None)
         here, before = azimuth + rng.normal(0.0, 0.05, 2)
         propagated = PropagatedAzimuth(before, 0.02, 0.005, here, 0.02)
@@ -102,20 +112,9 @@ def test_a_survey_of_a_rotating_string_has_no_toolface():
 
 @pytest.mark.parametrize("sound", [True, False])
 def test_nothing_is_learnt_from_a_survey_taken_during_a_fault(sound):
-    gyro = Solution(None, "still", 1.9, 0.01, 0.8, 0.0, 60.0, 0.001)
-    begun = decision().begin(average(1, 0.8, 1.9), 1, REFERENCE, gyro)
+    begun = decision().begin(average(1, 0.8, 1.9), 1, REFERENCE, by_gyro(1.9, limit=0.001))
     begun = dataclasses.replace(begun, against=None if sound else Accusation("reject", (), True))
     assert math.isfinite(begun.gyro[0]) == math.isfinite(begun.accepted_azimuth.azimuth) == sound
-
-
-def test_readings_played_again_are_no_second_station():
-    decide = decision()
-    first = decide.begin(average(1, 0.8, 1.9), 1, REFERENCE, None)
-    again = decide.begin(dataclasses.replace(average(1, 0.8, 1.9), start_ns=2 * 10**12), 2, REFERENCE, None)
-    assert first.survey.station.verdict == "accept"
-    assert again.survey.station.verdicts.azimuth == "doubtful"
-    assert again.survey.station.headline == Reason(ReasonCode.READINGS_REPEATED, 1.0)
-    np.testing.assert_array_equal(again.shared[0], first.shared[0])
 
 
 @pytest.mark.slow
@@ -123,10 +122,9 @@ def test_gyro_readings_revise_an_earlier_station_beside_steel_and_its_first_valu
     decide, rng, published, azimuths = decision(), np.random.default_rng(3), [], 1.9 + 0.02 * np.arange(7)
     for k, azimuth in enumerate(azimuths):
         # Steel turns the field and keeps total and dip; the gyro answers from the second station on.
-        still = average(k + 1, 0.8 + 0.02 * k, azimuth, turned=0.4 if k != 3 else -0.3)
-        found = Solution(None, "still", azimuth + rng.normal(0.0, 0.02), 0.03, 0.8, 0.0, 60.0, 0.03)
-        taken = decide.begin(still, k + 1, REFERENCE, found if k else None)
-        published.append(decide.complete(taken, NOTHING).station)
+        found, turned = by_gyro(azimuth + rng.normal(0.0, 0.02), 0.03), 0.4 if k != 3 else -0.3
+        survey = taken(decide, k + 1, 0.8 + 0.02 * k, azimuth, turned=turned, gyro=found if k else None)
+        published.append(survey.station)
     revised = decide.revisions()
     assert published[0].verdicts.azimuth == "accept"
     assert revised[1].station.verdicts.azimuth == "doubtful"
@@ -144,8 +142,7 @@ def test_the_newest_stations_of_a_run_are_revised_by_all_the_others():
     decide = decision()
     for k in range(5):
         # Nothing but the gyro shows that the field is turned, and it answers from the second station on.
-        found = Solution(None, "still", 1.9, 0.01, 0.8, 0.0, 60.0, 0.01) if k else None
-        decide.complete(decide.begin(average(k + 1, 0.5 + 0.1 * k, 1.9, turned=0.4), k + 1, REFERENCE, found), NOTHING)
+        taken(decide, k + 1, 0.5 + 0.1 * k, 1.9, turned=0.4, gyro=by_gyro(1.9) if k else None)
     every, newest = decide.judging_again(5)(), decide.judging_again(4)()
     assert every[1].station.verdict == decide.revisions()[1].station.verdict == "doubtful"
     assert list(newest) == [2, 3, 4, 5]
@@ -156,11 +153,9 @@ def test_the_newest_stations_of_a_run_are_revised_by_all_the_others():
 def test_a_revised_station_lists_the_azimuth_that_its_seek_of_the_gyro_had_in_the_end():
     decide, unknown = decision(), Reason(ReasonCode.GYRO_BIAS_UNKNOWN, 0.5, 0.3)
     for k in range(4):
-        inclination, seek = 0.8 + 0.05 * (k // 2), {"began_ns": k // 2}
-        found = Solution(None, "two_position", 1.9, 0.02, inclination, 0.0, 200.0, 0.02, **seek)
-        if k == 0:
-            found = Solution(unknown, "still", 2.4, 0.5, inclination, 0.0, 60.0, 0.5, **seek)
-        decide.complete(decide.begin(average(k + 1, inclination, 1.9, turned=0.4), k + 1, REFERENCE, found), NOTHING)
+        seek = {"inclination": 0.8 + 0.05 * (k // 2), "began_ns": k // 2}
+        found = by_gyro(1.9, 0.02, method="two_position", **seek) if k else by_gyro(2.4, 0.5, refused=unknown, **seek)
+        taken(decide, k + 1, seek["inclination"], 1.9, turned=0.4, gyro=found)
     survey = decide.revisions()[1]
     row = survey.station.by_method(AzimuthMethod.GYRO)
     assert survey.weights[AzimuthMethod.GYRO] > 0.5
@@ -173,7 +168,7 @@ def test_a_revised_station_lists_the_azimuth_that_its_seek_of_the_gyro_had_in_th
 def test_a_run_without_surprises_keeps_its_verdicts_and_readings_played_again_stay_doubtful():
     decide = decision()
     for k in range(6):
-        decide.complete(decide.begin(average(k + 1, 0.5 + 0.1 * k, 1.9), k + 1, REFERENCE, None), NOTHING)
+        taken(decide, k + 1, 0.5 + 0.1 * k, 1.9)
     again = dataclasses.replace(average(3, 0.7, 1.9), start_ns=2 * 10**12)
     assert decide.complete(decide.begin(again, 7, REFERENCE, None), NOTHING).station.verdict == "doubtful"
     revised = decide.revisions()
@@ -181,48 +176,43 @@ def test_a_run_without_surprises_keeps_its_verdicts_and_readings_played_again_st
     assert all(survey.station.verdict == "accept" for survey in revised.values())
 
 
-def test_a_station_measured_again_at_rest_is_as_good_as_the_first_and_teaches_nothing():
-    decide, again = decision(), average(1, 0.8, 1.9)
-    first = decide.begin(again, 1, REFERENCE, None)
-    noisy = dataclasses.replace(again.mag, mean=again.mag.mean + np.array([2e-8, -1e-8, 1e-8]))
-    second = decide.begin(dataclasses.replace(again, start_ns=2 * 10**12, mag=noisy), 2, REFERENCE, None)
-    assert first.survey.station.verdict == second.survey.station.verdict == "accept"
+@pytest.mark.parametrize("noise_t", [0.0, 2e-8])
+def test_a_station_measured_again_teaches_nothing_and_is_doubtful_only_where_the_same_readings_come_again(noise_t):
+    decide, still = decision(), average(1, 0.8, 1.9)
+    first = decide.begin(still, 1, REFERENCE, None)
+    mag = dataclasses.replace(still.mag, mean=still.mag.mean + noise_t * np.array([1.0, -0.5, 0.5]))
+    second = decide.begin(dataclasses.replace(still, start_ns=2 * 10**12, mag=mag), 2, REFERENCE, None)
+    assert first.survey.station.verdict == "accept"
+    assert second.survey.station.verdict == ("accept" if noise_t else "doubtful")
+    repeated = second.survey.station.headline == Reason(ReasonCode.READINGS_REPEATED, 1.0)
+    assert repeated == (noise_t == 0.0)
     np.testing.assert_array_equal(second.shared[0], first.shared[0])
 
 
 def test_a_run_learns_the_string_s_field_and_steel_at_one_station_leaves_no_trace():
-    decide, rng = decision(), np.random.default_rng(5)
-    verdicts, axial = [], []
+    decide, rng, verdicts = decision(), np.random.default_rng(5), []
     for k in range(12):
         inclination, azimuth = 0.3 + 0.1 * k, 0.5 + 0.05 * k
         still = average(k + 1, inclination, azimuth, 9e-7)
-        if k == 8:
-            steel = still.mag.mean + np.array([3e-6, 2e-6, -2e-6])
-            still = dataclasses.replace(still, mag=Average(steel, still.mag.covariance, 800))
-        still = dataclasses.replace(
-            still, mag=Average(still.mag.mean + 30e-9 * rng.normal(size=3), still.mag.covariance, 800)
-        )
-        survey = decide.begin(still, k + 1, REFERENCE, None).survey
-        verdicts.append(survey.station.verdicts.azimuth)
-        axial.append((survey.station.interference, survey.station.sigma_interference))
+        steel = np.array([3e-6, 2e-6, -2e-6]) if k == 8 else 0.0
+        mag = dataclasses.replace(still.mag, mean=still.mag.mean + steel + 30e-9 * rng.normal(size=3))
+        station = decide.begin(dataclasses.replace(still, mag=mag), k + 1, REFERENCE, None).survey.station
+        verdicts.append(station.verdicts.azimuth)
         if k > 3 and k != 8:
-            off = float(wrap_pi(survey.station.azimuth - (azimuth - 0.01)))
-            assert abs(off) < 2.0 * survey.station.sigma_azimuth
-    assert verdicts[8] == "doubtful"
-    assert verdicts[4:8] + verdicts[9:] == ["accept"] * 7
-    assert axial[-1][0] == pytest.approx(9e-7, abs=3.0 * axial[-1][1])
-    assert axial[-1][1] < 3e-7
+            assert abs(wrap_pi(station.azimuth - (azimuth - 0.01))) < 2.0 * station.sigma_azimuth
+    assert verdicts[4:] == ["accept"] * 4 + ["doubtful"] + ["accept"] * 3
+    assert station.interference == pytest.approx(9e-7, abs=3.0 * station.sigma_interference)
+    assert station.sigma_interference < 3e-7
 
 
 def test_a_gyro_off_beside_steel_is_held_against_the_propagated_azimuth():
     def found(off):
         decide = decision()
         for k in range(3):
-            good = Solution(None, "still", 0.5 + 0.01, 0.02, 0.8, 0.0, 60.0, 0.015)
-            decide.begin(average(k + 1, 0.8 + 0.1 * k, 0.5), k + 1, REFERENCE, good)
+            decide.begin(average(k + 1, 0.8 + 0.1 * k, 0.5), k + 1, REFERENCE, by_gyro(0.51, 0.02, limit=0.015))
         beside = average(4, 1.2, 0.5)
         steel = dataclasses.replace(beside.mag, mean=beside.mag.mean + np.array([4e-6, 3e-6, -2e-6]))
-        gyro = Solution(None, "still", 0.5 + 0.01 + off, 0.02, 1.2, 0.0, 60.0, 0.015)
+        gyro = by_gyro(0.51 + off, 0.02, limit=0.015, inclination=1.2)
         begun = decide.begin(dataclasses.replace(beside, mag=steel), 4, REFERENCE, gyro)
         assert not begun.accepted_azimuth.by_gyro
         return decide.complete(begun, NOTHING._replace(station_azimuth=0.5, station_sigma=0.02)).station
@@ -240,7 +230,6 @@ def test_a_place_typed_wrong_is_told_from_steel_and_named_first():
         station = decide.begin(average(k + 1, 0.4 + 0.2 * k, 0.5 + 0.1 * k), k + 1, wrong, None).survey.station
     assert station.verdicts.azimuth == "doubtful"
     assert station.headline.code == ReasonCode.FIELD_OF_ANOTHER_PLACE
-    assert "check latitude" in reason_text.text(station.headline)
 
 
 def test_a_mount_that_may_be_turned_widens_the_inclination_and_makes_it_doubtful():
@@ -250,14 +239,14 @@ def test_a_mount_that_may_be_turned_widens_the_inclination_and_makes_it_doubtful
             still = average(k + 1, 0.6 + 0.2 * k, 0.5)
             f_t, (c, s) = still.imu.mean[3:], (math.cos(turn), math.sin(turn))
             mean = np.concatenate([np.zeros(3), [c * f_t[0] + s * f_t[2], f_t[1], c * f_t[2] - s * f_t[0]]])
-            still = dataclasses.replace(still, imu=Average(mean, still.imu.covariance, 800))
+            still = dataclasses.replace(still, imu=dataclasses.replace(still.imu, mean=mean))
             station = decide.begin(still, k + 1, REFERENCE, None).survey.station
         return station
 
     turned, sound = last(0.03), last(0.0)
     assert turned.sigma_inclination > 1.1 * sound.sigma_inclination
     assert (turned.verdicts.inclination, sound.verdicts.inclination) == ("doubtful", "accept")
-    assert "at another toolface" in " ".join(reason_text.texts(turned.reasons))
+    assert ReasonCode.MOUNT_MAY_BE_TURNED in {reason.code for reason in turned.reasons}
 
 
 def test_the_propagated_azimuth_chooses_between_azimuths_that_fit_and_adds_nothing_else():
@@ -292,10 +281,9 @@ def with_one_that_the_gyros_contradict():
     """A run of four and its stations; the third shows a turn that the gyros did not see, and nothing else is wrong."""
     decide, published = decision(), []
     for k in range(4):
-        begun = decide.begin(average(k + 1, 0.8, 1.9 + 0.05 * k), k + 1, REFERENCE, None)
         off = 0.1 if k == 2 else 0.0
         known = NOTHING if k == 0 else NOTHING._replace(station_azimuth=1.891 + 0.05 * k + off, station_sigma=0.005)
-        published.append(decide.complete(begun, known).station)
+        published.append(taken(decide, k + 1, 0.8, 1.9 + 0.05 * k, known=known).station)
     return decide, published
 
 
@@ -320,8 +308,7 @@ def test_a_sound_station_is_not_held_against_one_beside_steel_once_a_gyro_has_ag
     decide, published = decision(), []
     for k in range(6):
         # Steel turns the first one's field alone; the gyro agrees from the second on, when it was no judge yet.
-        found = Solution(None, "still", 1.9, 0.01, 0.8, 0.0, 60.0, 0.01) if k else None
-        begun = decide.begin(average(k + 1, 0.8, 1.891, turned=0.0 if k else 0.4), k + 1, REFERENCE, found)
         known = NOTHING._replace(station_azimuth=published[0].azimuth, station_sigma=0.005) if k == 1 else NOTHING
-        published.append(decide.complete(begun, known).station)
+        gyro, turned = (by_gyro(1.9), 0.0) if k else (None, 0.4)
+        published.append(taken(decide, k + 1, 0.8, 1.891, gyro=gyro, known=known, turned=turned).station)
     assert published[1].verdict == decide.judging_again(6)()[2].station.verdict == "accept"

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from tool_streams import earth_field, streams
 
 from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import Reference
@@ -24,22 +25,17 @@ REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, g
 
 def taken(axial=5e-7):
     """A survey of a tool at rest whose string is magnetised along its axis."""
-    rng = np.random.default_rng(3)
-    n = 1600
-    stamps = 1_700_000_000 * 10**9 + np.arange(n) * 10**7
-    mat = mat_nt(0.8, 1.9, 0.3)
-    field_n = 5e-5 * np.array([np.cos(1.1) * np.cos(0.05), np.cos(1.1) * np.sin(0.05), np.sin(1.1)])
-    force = mat.T @ [0.0, 0.0, -9.81] + 5e-3 * rng.normal(size=(n, 3))
-    field = mat.T @ field_n + [axial, 0.0, 0.0] + 5e-8 * rng.normal(size=(n, 3))
-    imu = Binner(6, BIN_NS).add(stamps, np.hstack([1e-3 * rng.normal(size=(n, 3)), force]))
-    mag = Binner(3, BIN_NS).add(stamps, field)
+    mat = np.broadcast_to(mat_nt(0.8, 1.9, 0.3), (1600, 3, 3))
+    imu, mag = streams(mat, np.random.default_rng(3), field_n=earth_field(declination=0.05))
+    values = np.hstack([imu["angular_velocity"], imu["linear_acceleration"]])
+    field = mag["magnetic_field"] + [axial, 0.0, 0.0]
+    bins = zip(
+        Binner(6, BIN_NS).add(imu["stamp_ns"], values), Binner(3, BIN_NS).add(mag["stamp_ns"], field), strict=True
+    )
     still = StillSurvey(SurveySettings())
-    for one, beside in zip(imu, mag, strict=True):
-        average = still.add(BinSet(one, beside))
-        if average is not None:
-            begun = SurveyDecision(StationSettings(), FaultHistory()).begin(average, 1, REFERENCE, None)
-            return begun.survey, begun.shared
-    raise AssertionError("no survey was taken")
+    average = next(found for one in bins if (found := still.add(BinSet(*one))) is not None)
+    begun = SurveyDecision(StationSettings(), FaultHistory()).begin(average, 1, REFERENCE, None)
+    return begun.survey, begun.shared
 
 
 def test_without_a_reference_the_field_is_read_from_magnetic_north():

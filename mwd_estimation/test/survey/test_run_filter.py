@@ -35,6 +35,19 @@ def read(evidence):
     return circle.read(evidence.angles, evidence.by_angle.sum(axis=1) / circle.widths(evidence.angles))
 
 
+def learnt(model, one):
+    """The evidence of a station, from which the run has learnt."""
+    evidence = model.evidence(one)
+    model.learn(one, evidence)
+    return evidence
+
+
+def ratio(evidence, azimuth):
+    """Error of the azimuth over its sigma."""
+    found = read(evidence)
+    return abs(float(wrap_pi(found.mean - azimuth))) / found.sigma
+
+
 @pytest.mark.parametrize(("inclination", "azimuth"), [(0.3, 1.0), (1.0, 4.0), (1.5, 0.3)])
 def test_a_sound_tool_alone_has_the_sigma_of_the_linear_problem(inclination, azimuth):
     model = RunFilter(ALONE, SIGMAS)
@@ -55,9 +68,7 @@ def test_the_declination_is_never_averaged_away():
     model, rng = RunFilter(ALONE, SIGMAS), np.random.default_rng(1)
     least = SIGMAS.shared[Shared.DECLINATION]
     for k in range(25):
-        one = station(0.2 + 0.05 * k, 0.4 + 0.03 * k, 1.3 * k, noise=2e-8, rng=rng)
-        evidence = model.evidence(one)
-        model.learn(one, evidence)
+        evidence = learnt(model, station(0.2 + 0.05 * k, 0.4 + 0.03 * k, 1.3 * k, noise=2e-8, rng=rng))
     assert read(evidence).sigma > least
     _, covariance = model.shared()
     assert math.sqrt(covariance[Shared.DECLINATION, Shared.DECLINATION]) == pytest.approx(least, rel=0.02)
@@ -74,11 +85,9 @@ def test_a_crust_that_shows_in_total_and_dip_leaves_the_declination_as_uncertain
         mat_tn = mat_nt(0.2 + 0.06 * k, azimuth, 1.3 * k).T
         b_t = mat_tn @ field_n + 2e-8 * rng.normal(size=3)
         one = field_model.geometry(mat_tn @ [0.0, 0.0, -9.81], b_t, np.zeros((6, 6)), reference, 0.0)[0]
-        evidence = model.evidence(one)
-        model.learn(one, evidence)
-    found = read(evidence)
+        evidence = learnt(model, one)
     assert model.probabilities(evidence.by_kind)[Hypothesis.REFERENCE] > 0.9
-    assert abs(wrap_pi(found.mean - azimuth)) < 3.0 * found.sigma
+    assert ratio(evidence, azimuth) < 3.0
 
 
 @pytest.mark.slow
@@ -88,8 +97,7 @@ def test_a_run_learns_the_string_s_field_and_errs_by_its_sigma():
         model = RunFilter(ALONE, SIGMAS)
         bias = rng.normal(size=3) * SIGMAS.shared[:3] * 1e-6
         for k in range(12):
-            one = station(0.2 + 0.1 * k, 0.5 + 0.05 * k, rng.uniform(0.0, math.tau), bias)
-            model.learn(one, model.evidence(one))
+            learnt(model, station(0.2 + 0.1 * k, 0.5 + 0.05 * k, rng.uniform(0.0, math.tau), bias))
         mean, covariance = model.shared()
         errors.append(mean[:3] - bias * 1e6)
         sigmas.append(np.sqrt(np.diagonal(covariance))[:3])
@@ -102,9 +110,7 @@ def test_a_run_learns_the_string_s_field_and_errs_by_its_sigma():
 def test_the_hypothesis_that_was_drawn_leads_once_it_shows():
     model = RunFilter(Priors(), SIGMAS)
     for k in range(8):
-        one = station(0.3 + 0.12 * k, 0.5 + 0.05 * k, 1.1 * k, (5e-6, 0.0, 0.0))
-        evidence = model.evidence(one)
-        model.learn(one, evidence)
+        evidence = learnt(model, station(0.3 + 0.12 * k, 0.5 + 0.05 * k, 1.1 * k, (5e-6, 0.0, 0.0)))
     odds = model.probabilities(evidence.by_kind)
     assert sum(odds.values()) == pytest.approx(1.0)
     assert odds[Hypothesis.CLEAN] < 0.05
@@ -126,11 +132,9 @@ def trip(gap_hours, rng):
         bias = (HIDDEN * (1.0 if lateral else 0.05), 0.0, 0.0)
         one = station(inclination, azimuth, rng.uniform(0.0, math.tau), bias, 1e-8, rng)
         model.pass_time(hours, hypotheses.hazard(model.priors, gap_hours) * lateral + 0.005 * k)
-        evidence = model.evidence(one)
-        model.learn(one, evidence)
+        evidence = learnt(model, one)
         if lateral:
-            found = read(evidence)
-            off.append(abs(float(wrap_pi(found.mean - azimuth))) / found.sigma)
+            off.append(ratio(evidence, azimuth))
     return off
 
 
@@ -150,10 +154,7 @@ def test_remanence_that_grows_steadily_through_a_landing_stays_within_sigma():
         bias = (HIDDEN * min(max((k - 4) / 12.0, 0.0), 1.0), 0.0, 0.0)
         one = station(inclination, azimuth, rng.uniform(0.0, math.tau), bias, 1e-8, rng)
         model.pass_time(0.5 * k, 0.005 * k)
-        evidence = model.evidence(one)
-        model.learn(one, evidence)
-        found = read(evidence)
-        off.append(abs(float(wrap_pi(found.mean - azimuth))) / found.sigma)
+        off.append(ratio(learnt(model, one), azimuth))
     assert max(off) < 3.0
 
 
@@ -172,8 +173,7 @@ def test_the_string_is_known_to_be_another_the_less_the_longer_the_gap():
 def test_a_new_string_leaves_what_is_known_of_the_sensors_and_the_reference():
     rng, model = np.random.default_rng(6), RunFilter(Priors(), SIGMAS)
     for k in range(8):
-        one = station(0.2 + 0.12 * k, 0.4 + 0.5 * k, rng.uniform(0.0, math.tau), noise=1e-8, rng=rng)
-        model.learn(one, model.evidence(one))
+        learnt(model, station(0.2 + 0.12 * k, 0.4 + 0.5 * k, rng.uniform(0.0, math.tau), noise=1e-8, rng=rng))
     _, before = model.shared()
     model.pass_time(0.0, 1.0)
     model.pass_time(1e3, 30.0)
@@ -193,10 +193,8 @@ def with_gyro(one, azimuth, noise, lasting=0.0):
 
 def test_a_gyro_is_weighed_by_its_variance_and_shows_the_declination():
     model = RunFilter(Priors(external=0.0, turned=0.0, gyro_step=0.0, gyro_outlier=0.0), SIGMAS)
-    one = with_gyro(station(1.0, 2.0, 0.3), 2.0, 1e-3)
-    evidence = model.evidence(one)
+    evidence = learnt(model, with_gyro(station(1.0, 2.0, 0.3), 2.0, 1e-3))
     assert read(evidence).sigma < 1.2e-3
-    model.learn(one, evidence)
     _, covariance = model.shared()
     assert math.sqrt(covariance[Shared.DECLINATION, Shared.DECLINATION]) < 0.95 * SIGMAS.shared[Shared.DECLINATION]
 
@@ -248,10 +246,7 @@ def test_a_bias_of_a_gyro_that_steps_is_learnt_as_one_that_stays():
     for k in range(14):
         azimuth = 0.5 + 0.03 * k
         one = with_gyro(station(0.6 + 0.04 * k, azimuth, 0.9 * k), azimuth + step * (k > 5), 0.02, 0.007)
-        evidence = model.evidence(one)
-        model.learn(one, evidence)
-        found = read(evidence)
-        off.append(abs(float(wrap_pi(found.mean - azimuth))) / found.sigma)
+        off.append(ratio(learnt(model, one), azimuth))
     assert max(off) < 3.0
     mean, covariance = model.shared()
     assert mean[Shared.GYRO] * 0.007 == pytest.approx(step, abs=3.0 * 0.007 * math.sqrt(covariance[-1, -1]))

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.time_bins import Bin, Binner
 from mwd_estimation.survey.static_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
@@ -29,15 +28,23 @@ def _bins(seconds, force=(-6.0, 0.0, 7.75), rate=(0.0, 0.0, 0.0), *, noise=1e-3,
     return Binner(6, BIN_NS).add(stamps, values)
 
 
+def _results(survey, bins, reason=None):
+    """What the survey returns for each bin; reason: what it waits for."""
+    return [survey.add(BinSet(one), reason) for one in bins]
+
+
 def _outcomes(survey, bins):
-    return [result for one in bins if (result := survey.add(BinSet(one))) is not None]
+    return [result for result in _results(survey, bins) if result is not None]
+
+
+def _at(results):
+    """Numbers of the bins with an outcome."""
+    return [k for k, result in enumerate(results) if result is not None]
 
 
 def test_one_survey_is_taken_per_still_interval_after_settling():
     survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0))
-    found = _outcomes(survey, _bins(30.0))
-    assert len(found) == 1
-    (average,) = found
+    (average,) = _outcomes(survey, _bins(30.0))
     assert isinstance(average, StillAverage)
     assert average.start_ns == 10**18 + 2 * 10**9
     assert average.end_ns - average.start_ns == 5 * 10**9
@@ -62,33 +69,33 @@ def test_moving_in_between_allows_the_next_survey():
 
 
 @pytest.mark.parametrize(
-    ("moving", "words"),
+    ("moving", "code"),
     [
-        ({"rate": (0.5, 0.0, 0.0)}, "turns"),
-        ({"noise": 0.06}, "moves"),
-        ({"force": (-5.0, 0.0, 8.0)}, "shifts"),
+        ({"rate": (0.5, 0.0, 0.0)}, ReasonCode.TOOL_TURNS),
+        ({"noise": 0.06}, ReasonCode.TOOL_MOVES),
+        ({"force": (-5.0, 0.0, 8.0)}, ReasonCode.TOOL_SHIFTS),
     ],
 )
-def test_a_requested_survey_is_refused_in_words_when_the_tool_moves(moving, words):
+def test_a_requested_survey_is_refused_with_value_and_limit_when_the_tool_moves(moving, code):
     survey = StillSurvey(SurveySettings())
     _outcomes(survey, _bins(1.0))
     survey.request(4.0)
     survey.add(BinSet(_bins(0.5, start=10**18 + 10**9)[0]))
     (refused,) = _outcomes(survey, _bins(0.6, start=10**18 + 15 * 10**8, **moving))
     assert isinstance(refused, Refusal)
-    assert words in text(refused.reason)
-    assert "limit" in text(refused.reason)
+    assert refused.reason.code is code
+    assert refused.reason.value > refused.reason.limit
 
 
-def test_a_requested_survey_starts_at_once_without_settling():
-    survey = StillSurvey(SurveySettings(automatic=False, settle_s=10.0))
-    bins = _bins(20.0)
+def test_a_requested_survey_starts_at_once_without_settling_and_does_not_wait():
+    survey, bins = StillSurvey(SurveySettings(automatic=False, settle_s=10.0)), _bins(20.0)
     assert _outcomes(survey, bins[:6]) == []
     survey.request(3.0)
-    (average,) = _outcomes(survey, bins[6:])
-    assert average.requested
-    assert average.start_ns == bins[6].index * BIN_NS
-    assert average.end_ns - average.start_ns == 3 * 10**9
+    results = _results(survey, bins[6:], WAIT)
+    assert _at(results) == [5]
+    assert results[5].requested
+    assert results[5].start_ns == bins[6].index * BIN_NS
+    assert results[5].end_ns - results[5].start_ns == 3 * 10**9
 
 
 @pytest.mark.parametrize("duration_s", [-1.0, 0.2, 601.0, 1e9, math.inf, math.nan])
@@ -110,7 +117,7 @@ def test_a_bin_with_hardly_any_samples_is_not_called_still():
     survey.request()
     one = _bins(0.5)[0]
     (refused,) = _outcomes(survey, [Bin(one.index, 2, one.mean, one.scatter, one.low, one.high)])
-    assert "too few samples" in text(refused.reason)
+    assert refused.reason.code is ReasonCode.TOO_FEW_SAMPLES
 
 
 @pytest.mark.fault_case(49)
@@ -166,40 +173,29 @@ def test_how_long_a_survey_has_waited_counts_from_when_it_had_averaged_enough():
     assert waited[enough:] == [(k + 1) * BIN_NS * 1e-9 for k in range(len(waited) - enough)]
 
 
-def test_a_survey_taken_by_itself_reports_what_it_waits_for_and_averages_all_of_it():
-    survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=30.0))
-    bins = _bins(30.0)
-    results = [survey.add(BinSet(one), WAIT if k < 40 else None) for k, one in enumerate(bins)]
-    assert [k for k, result in enumerate(results) if result is not None] == [40]
+def test_a_survey_taken_by_itself_waits_for_what_is_reported_and_averages_all_of_it():
+    survey, bins = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=30.0)), _bins(30.0)
+    results = [*_results(survey, bins[:40], WAIT), *_results(survey, bins[40:])]
+    assert _at(results) == [40]
     assert results[40].end_ns - results[40].start_ns == (41 - 4) * BIN_NS
     assert not results[40].moved
 
 
 def test_waiting_has_an_end_and_motion_gives_what_was_held():
-    survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=10.0))
-    bins = _bins(30.0)
-    results = [survey.add(BinSet(one), WAIT) for one in bins]
-    assert [k for k, result in enumerate(results) if result is not None] == [4 + 10 + 20 - 1]
+    survey, bins = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=10.0)), _bins(30.0)
+    assert _at(_results(survey, bins, WAIT)) == [4 + 10 + 20 - 1]
     survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=100.0))
     turning = _bins(2.0, rate=(5.0, 0.0, 0.0), start=10**18 + 30 * 10**9)
-    results = [survey.add(BinSet(one), WAIT) for one in (*bins, *turning)]
-    (held,) = [result for result in results if result is not None]
-    assert results.index(held) == len(bins)
+    results = _results(survey, (*bins, *turning), WAIT)
+    assert _at(results) == [len(bins)]
+    held = results[len(bins)]
     assert held.moved
     assert held.end_ns - held.start_ns == (len(bins) - 4) * BIN_NS
 
 
-def test_a_requested_survey_does_not_wait():
-    survey = StillSurvey(SurveySettings(automatic=False))
-    survey.request(3.0)
-    results = [survey.add(BinSet(one), WAIT) for one in _bins(5.0)]
-    assert [k for k, result in enumerate(results) if result is not None] == [5]
-
-
 def test_when_nothing_more_comes_what_was_held_is_given_once():
-    survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0))
-    bins = _bins(20.0)
-    assert [survey.add(BinSet(one), WAIT) for one in bins] == [None] * len(bins)
+    survey, bins = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0)), _bins(20.0)
+    assert _at(_results(survey, bins, WAIT)) == []
     held = survey.finish()
     assert held.end_ns - held.start_ns == (len(bins) - 4) * BIN_NS
     assert survey.finish() is None

@@ -12,15 +12,13 @@ from hypothesis.strategies import floats, lists, sampled_from
 
 from consistency import consistency
 from mwd_estimation.assembly.sag import SagCorrection
-from mwd_estimation.core.error_model import SensorErrors
-from mwd_estimation.core.reason_text import text, texts
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.measurement import measured
 from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_estimation.survey.station import StationSettings, station
 from mwd_estimation.survey.station_record import Verdicts
-from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_sensors.core.frames import mat_from_quat, mat_nt, quat_from_rotvec, wrap_pi
 
 DEG = math.pi / 180.0
 REFERENCE = Reference(50e-6, 72 * DEG, 3 * DEG, 1 * DEG, 9.81, "test")
@@ -30,6 +28,10 @@ def readings(inc, azi_magnetic, toolface, axial=0.0, reference=REFERENCE):
     mat_tn = mat_nt(inc * DEG, azi_magnetic * DEG, toolface * DEG).T
     b_t = mat_tn @ np.array([reference.horizontal, 0.0, reference.vertical]) + np.array([axial, 0.0, 0.0])
     return mat_tn @ np.array([0.0, 0.0, -9.81]), b_t
+
+
+def codes(shot):
+    return {reason.code for reason in shot.reasons}
 
 
 def test_angles_totals_and_a_grid_azimuth_come_out_of_clean_readings():
@@ -43,7 +45,7 @@ def test_angles_totals_and_a_grid_azimuth_come_out_of_clean_readings():
     assert shot.b_total == pytest.approx(50e-6)
     assert shot.verdicts == Verdicts("accept", "accept", "accept")
     assert shot.headline is None
-    assert text(shot.reasons[-1]).startswith("within limits")
+    assert shot.reasons[-1].code is ReasonCode.WITHIN_LIMITS
     assert dict(shot.hypotheses)["clean"] > 0.8
 
 
@@ -58,7 +60,7 @@ def test_the_north_asked_for_is_the_north_given(north, azimuth):
 def test_without_reference_the_azimuth_is_labelled_magnetic_and_uncorrected():
     shot = station(*readings(35, 120, 40, 2e-6))
     assert (shot.north, shot.method, shot.corrected, shot.verdict) == ("magnetic", "raw", False, "doubtful")
-    assert "no reference field: magnetic azimuth, uncorrected" in text(shot.reasons[0])
+    assert shot.reasons[0].code is ReasonCode.NO_REFERENCE_FIELD
     assert math.isnan(shot.interference)
 
 
@@ -73,15 +75,13 @@ def test_without_reference_the_sigma_covers_a_string_that_may_be_magnetised(inc,
 
 def test_asking_for_true_north_without_declination_gives_magnetic_and_says_so():
     shot = station(*readings(35, 120, 40), replace(REFERENCE, declination=None), StationSettings(north="true"))
-    assert shot.north == "magnetic"
-    assert shot.verdict == "doubtful"
-    assert "true azimuth needs the declination" in text(shot.reasons[0])
+    assert (shot.north, shot.verdict) == ("magnetic", "doubtful")
+    assert shot.reasons[0].code is ReasonCode.NORTH_UNKNOWN
 
 
 def test_magnetic_toolface_near_vertical_is_the_heading_of_the_scribe_line():
     shot = station(*readings(0.3, 200, 25), REFERENCE)
     assert math.degrees(shot.magnetic_toolface) == pytest.approx((202 + 25) % 360, abs=0.3)
-    assert any("magnetic toolface" in reason for reason in texts(shot.reasons))
     assert shot.verdict == "accept"
     assert shot.verdicts == Verdicts("accept", "not_determined", "not_determined")
 
@@ -102,7 +102,7 @@ def test_near_a_pole_the_field_and_not_the_vertical_is_why_an_azimuth_is_uncerta
     reference = replace(REFERENCE, total=58e-6, dip=south * dip * DEG)
     shot = station(*readings(inc, azi, 20, 5e-7, reference), reference)
     assert shot.verdicts.azimuth != "not_determined"
-    assert ReasonCode.AZIMUTH_NOT_DETERMINED not in {reason.code for reason in shot.reasons}
+    assert ReasonCode.AZIMUTH_NOT_DETERMINED not in codes(shot)
     if dip > 88.0:
         assert shot.verdict == "doubtful"
 
@@ -116,7 +116,7 @@ def test_the_reading_whose_mirror_was_once_accepted_is_doubtful_with_both_azimut
     ((other, odds),) = shot.alternatives
     assert abs(math.degrees(other) - 197.8) < 5.0
     assert 0.003 < odds < 0.5
-    assert "more than one azimuth fits" in text(shot.headline)
+    assert shot.headline.code is ReasonCode.AZIMUTHS_FIT
 
 
 def test_axial_interference_shows_in_the_hypotheses_and_the_azimuth_is_freed_of_it():
@@ -155,50 +155,45 @@ def test_fixed_limits_of_field_and_dip_hold_beside_the_posterior():
     for limits in ("service", "iscwsa"):
         settings = StationSettings(quality=QualitySettings(limits=limits))
         assert station(f_t, b_t, REFERENCE, settings).verdict == "accept"
-        beyond = station(f_t, b_t + np.array([0.0, 2.5e-6, -2e-6]), REFERENCE, settings)
-        assert beyond.verdict == "reject"
-        assert len(set(beyond.reasons)) == len(beyond.reasons)
+        assert station(f_t, b_t + np.array([0.0, 2.5e-6, -2e-6]), REFERENCE, settings).verdict == "reject"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("inc", "azi"), [(10, 40), (30, 90), (60, 90), (88, 30)])
-def test_sound_tools_are_accepted_and_err_by_less_than_their_sigma(inc, azi):
-    rng, errors, sigmas, accepted = np.random.default_rng(inc + azi), [], [], 0
-    for _ in range(40):
-        shot = _drawn(inc, azi, rng, 220e-9)
-        errors.append(wrap_pi(shot.azimuth - (azi + 2) * DEG))
-        sigmas.append(shot.sigma_azimuth)
-        accepted += shot.verdict == "accept"
-    assert accepted >= 0.95 * 40
-    assert_covered(errors, sigmas)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("inc", "azi", "axial_nt"), [(60, 20, 1500), (30, 90, 1500), (75, 60, 3000), (88, 90, 900)])
-def test_the_sigma_covers_interference_that_is_drawn_beyond_the_tool_code(inc, azi, axial_nt):
+@pytest.mark.parametrize(
+    ("inc", "azi", "axial_nt", "accepted"),
+    [
+        *((*attitude, 220, 38) for attitude in ((10, 40), (30, 90), (60, 90), (88, 30))),
+        # Interference beyond the tool code.
+        *((*attitude, 0) for attitude in ((60, 20, 1500), (30, 90, 1500), (75, 60, 3000), (88, 90, 900))),
+    ],
+)
+def test_stations_err_by_less_than_their_sigma_and_those_of_sound_tools_are_accepted(inc, azi, axial_nt, accepted):
     rng = np.random.default_rng(inc + azi)
     shots = [_drawn(inc, azi, rng, axial_nt * 1e-9) for _ in range(40)]
-    assert_covered([wrap_pi(shot.azimuth - (azi + 2) * DEG) for shot in shots], [shot.sigma_azimuth for shot in shots])
-
-
-def assert_covered(errors, sigmas):
-    """Errors are no larger than their sigmas say: a sigma that holds what one station cannot exclude may be larger."""
-    found = consistency([(errors, sigmas)], correlated=False, confidence=0.999)
+    errors = [wrap_pi(shot.azimuth - (azi + 2) * DEG) for shot in shots]
+    found = consistency([(errors, [shot.sigma_azimuth for shot in shots])], correlated=False, confidence=0.999)
+    # A sigma that holds what one station cannot exclude may be larger than the errors.
     assert found.nees <= found.high
+    assert sum(shot.verdict == "accept" for shot in shots) >= accepted
 
 
 def _drawn(inc, azi, rng, axial):
     """A station with the errors of the tool code drawn; axial interference, 1 sigma, T."""
     f_t, b_t = readings(inc, azi, rng.uniform(0, 360), rng.normal(0, axial))
-    drawn = replace(
-        REFERENCE,
-        total=50e-6 + rng.normal(0, REFERENCE.sigma_total),
-        dip=72 * DEG + rng.normal(0, REFERENCE.sigma_dip),
-        declination=3 * DEG + rng.normal(0, math.sqrt(REFERENCE.declination_variance(REFERENCE.horizontal))),
-    )
+    declination = rng.normal(0, math.sqrt(REFERENCE.declination_variance(REFERENCE.horizontal)))
+    drawn = replace(_drawn_reference(rng), declination=REFERENCE.declination + declination)
+    return station(*_with_errors(f_t, b_t, rng), drawn, StationSettings(errors=BENCH))
+
+
+def _drawn_reference(rng):
+    total, dip = rng.normal(0, REFERENCE.sigma_total), rng.normal(0, REFERENCE.sigma_dip)
+    return replace(REFERENCE, total=REFERENCE.total + total, dip=REFERENCE.dip + dip)
+
+
+def _with_errors(f_t, b_t, rng):
+    """Readings with scales and biases of the tool code drawn."""
     f_t = f_t * (1 + rng.normal(0, 0.0005, 3)) + rng.normal(0, 0.004, 3)
-    b_t = b_t * (1 + rng.normal(0, 0.0016, 3)) + rng.normal(0, 70e-9, 3)
-    return station(f_t, b_t, drawn, StationSettings(errors=BENCH))
+    return f_t, b_t * (1 + rng.normal(0, 0.0016, 3)) + rng.normal(0, 70e-9, 3)
 
 
 def test_noise_of_the_averages_adds_to_the_sigmas():
@@ -215,7 +210,8 @@ def test_known_sag_misalignment_and_toolface_offset_are_taken_off():
     settings = StationSettings(sag=SagCorrection(math.radians(0.2)), toolface_offset_deg=29.0)
     shot = station(f_t, b_t, REFERENCE, settings)
     assert math.degrees(shot.inclination) == pytest.approx(60 + 0.2 * math.sin(60 * DEG))
-    assert "inclination corrected for sag by +0.17 deg" in texts(shot.reasons)
+    (sag,) = [reason for reason in shot.reasons if reason.code is ReasonCode.SAG_CORRECTED]
+    assert math.degrees(sag.value) == pytest.approx(0.2 * math.sin(60 * DEG))
     assert math.degrees(shot.gravity_toolface) == pytest.approx(29.0)
     # Scribe line on the high side: the hole axis bent half a degree away from +z is lower, bent to +y turns right or
     # left.
@@ -229,8 +225,6 @@ def test_known_sag_misalignment_and_toolface_offset_are_taken_off():
 def test_misalignment_settings_say_where_the_hole_axis_lies_in_tool_axes():
     hole = mat_nt(60 * DEG, 100 * DEG, 40 * DEG)
     for angles, axis in (((1.5, 0.0), [0, 1, 0]), ((0.0, 1.5), [0, 0, 1])):
-        from mwd_sensors.core.frames import mat_from_quat, quat_from_rotvec
-
         mat_th = mat_from_quat(quat_from_rotvec(np.array(axis) * 1.5 * DEG))
         f_t = mat_th @ hole.T @ np.array([0, 0, -9.81])
         b_t = mat_th @ hole.T @ np.array([REFERENCE.horizontal, 0, REFERENCE.vertical])
@@ -240,22 +234,41 @@ def test_misalignment_settings_say_where_the_hole_axis_lies_in_tool_axes():
         )
 
 
-def test_broken_sensors_are_named_and_what_is_left_is_given():
+def test_without_a_sensor_what_is_left_is_given():
     f_t, b_t = readings(30, 100, 40)
     dead = station(f_t, np.full(3, np.nan), REFERENCE)
     assert dead.verdict == "reject"
+    assert dead.reasons[0] == Reason(ReasonCode.INCLINATION_ONLY, causes=(Reason(ReasonCode.NO_MAGNETOMETER),))
     assert math.degrees(dead.inclination) == pytest.approx(30)
     assert dead.sigma_azimuth == pytest.approx(math.pi)
-    assert "no magnetometer" in text(dead.reasons[0])
     blind = station(np.full(3, np.nan), b_t, REFERENCE)
     assert (blind.verdict, math.isnan(blind.inclination)) == ("reject", True)
-    flipped = station(-f_t, b_t, REFERENCE)
-    assert any("flipped sign" in reason for reason in texts(flipped.reasons))
-    in_g = station(f_t / 9.81, b_t, REFERENCE)
-    assert any("a reading in g?" in reason for reason in texts(in_g.reasons))
-    in_nt = station(f_t, b_t * 1e9)
-    assert any("a reading in nT?" in reason for reason in texts(in_nt.reasons))
-    assert {flipped.verdict, in_g.verdict, in_nt.verdict} == {"reject"}
+
+
+@pytest.mark.parametrize("toolface", [0, 70, 200])
+@pytest.mark.parametrize(("force", "field"), [(-1.0, 1.0), (1.0, -1.0)])
+def test_a_flipped_sensor_leaves_neither_an_accepted_inclination_nor_an_accepted_azimuth(toolface, force, field):
+    f_t, b_t = readings(40, 120, toolface)
+    shot = station(force * f_t, field * b_t, REFERENCE)
+    assert shot.verdict == "reject"
+    assert ReasonCode.DIP_SIGN in codes(shot)
+    assert "accept" not in (shot.verdicts.inclination, shot.verdicts.azimuth)
+
+
+@pytest.mark.parametrize(
+    ("force", "field", "code"),
+    [
+        (1.0 / 9.81, 1.0, ReasonCode.GRAVITY_IN_G),
+        (1.0, 1e9, ReasonCode.FIELD_IN_OTHER_UNIT),
+        (1.0, 1e-3, ReasonCode.FIELD_IN_OTHER_UNIT),
+        (1.0, 1e-6, ReasonCode.FIELD_NOT_EARTH),
+    ],
+)
+def test_another_unit_is_named_and_no_steel(force, field, code):
+    f_t, b_t = readings(40, 120, 70)
+    shot = station(force * f_t, field * b_t, REFERENCE)
+    assert shot.verdict == "reject"
+    assert shot.headline.code is code
 
 
 def test_a_fault_of_the_readings_rejects_the_station():
@@ -278,7 +291,7 @@ def test_a_field_along_gravity_gives_no_azimuth_and_says_so():
     shot = station([-9.81 * 0.6, 0.0, 9.81 * 0.8], [30e-6, 0.0, -40e-6], REFERENCE)
     assert math.isnan(shot.azimuth)
     assert shot.sigma_azimuth == pytest.approx(math.pi)
-    assert "no horizontal field" in text(shot.headline)
+    assert shot.headline == Reason(ReasonCode.INCLINATION_ONLY, causes=(Reason(ReasonCode.NO_HORIZONTAL_FIELD),))
 
 
 READING = floats(-1e6, 1e6) | floats(-20.0, 20.0) | floats(-1e-4, 1e-4) | sampled_from([0.0, math.nan, math.inf])
@@ -301,15 +314,8 @@ def test_totals_deviate_by_their_covariance_when_errors_are_drawn():
     rng, chi = np.random.default_rng(8), []
     for _ in range(800):
         f_t, b_t = readings(50, 70, rng.uniform(0, 360), rng.normal(0, 220e-9))
-        drawn = replace(
-            REFERENCE,
-            total=50e-6 + rng.normal(0, REFERENCE.sigma_total),
-            dip=72 * DEG + rng.normal(0, REFERENCE.sigma_dip),
-            gravity=9.81 + rng.normal(0, REFERENCE.sigma_gravity),
-        )
-        f_t = f_t * (1 + rng.normal(0, 0.0005, 3)) + rng.normal(0, 0.004, 3)
-        b_t = b_t * (1 + rng.normal(0, 0.0016, 3)) + rng.normal(0, 70e-9, 3)
-        off = measured(f_t, b_t, drawn).station.deviations
+        drawn = replace(_drawn_reference(rng), gravity=9.81 + rng.normal(0, REFERENCE.sigma_gravity))
+        off = measured(*_with_errors(f_t, b_t, rng), drawn).station.deviations
         values = np.array([off.gravity, off.field, off.dip])
         chi.append(values @ np.linalg.solve(off.covariance, values))
     # 2400 degrees of freedom: 95 % band 3 -+ 0.17.
@@ -323,30 +329,7 @@ def test_wrong_shapes_are_refused():
         station([0, 0, 9.8], [1e-5, 0, 4e-5], covariance_b=np.ones(3))
 
 
-def test_better_sensors_give_smaller_sigmas():
-    f_t, b_t = readings(50, 70, 130)
-    good = StationSettings(errors=SensorErrors(magnetometer_bias_nt=10.0, axial_interference_nt=10.0))
-    assert station(f_t, b_t, REFERENCE, good).sigma_azimuth < station(f_t, b_t, REFERENCE).sigma_azimuth
-
-
 def test_without_a_magnetometer_true_north_needs_no_declination():
     settings = StationSettings(north="true")
     assert station([-6.0, 1.0, 7.7], [math.nan] * 3, None, settings).north == "true"
     assert station([-6.0, 1.0, 7.7], [2e-5, 1e-5, 4e-5], None, settings).north == "magnetic"
-
-
-@pytest.mark.parametrize("toolface", [0, 70, 200])
-@pytest.mark.parametrize(("force", "field"), [(-1.0, 1.0), (1.0, -1.0)])
-def test_a_flipped_sensor_leaves_neither_an_accepted_inclination_nor_an_accepted_azimuth(toolface, force, field):
-    f_t, b_t = readings(40, 120, toolface)
-    shot = station(force * f_t, field * b_t, REFERENCE)
-    assert shot.verdict == "reject"
-    assert "accept" not in (shot.verdicts.inclination, shot.verdicts.azimuth)
-
-
-@pytest.mark.parametrize("factor", [1e-3, 1e-6])
-def test_a_field_in_another_unit_is_no_steel(factor):
-    f_t, b_t = readings(40, 120, 70)
-    shot = station(f_t, factor * b_t, REFERENCE)
-    assert shot.verdict == "reject"
-    assert shot.headline.code in (ReasonCode.FIELD_IN_OTHER_UNIT, ReasonCode.FIELD_NOT_EARTH)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tool_streams import earth_field
 
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.reference_field import Reference
@@ -31,13 +32,7 @@ def settings(**given):
 def taken(inclination, azimuth, toolface, turned, using, reference=REFERENCE):
     """A station whose horizontal field is turned about the vertical by an angle, rad: total and dip stay."""
     mat = mat_nt(inclination, azimuth, toolface)
-    field_n = reference.total * np.array(
-        [
-            math.cos(reference.dip) * math.cos(turned),
-            math.cos(reference.dip) * math.sin(turned),
-            math.sin(reference.dip),
-        ]
-    )
+    field_n = earth_field(reference.total, reference.dip, turned)
     return station(mat.T @ [0.0, 0.0, -9.81], mat.T @ field_n, reference, using)
 
 
@@ -63,16 +58,13 @@ def test_each_kind_of_string_is_less_certain_than_the_one_before():
 
 
 def test_a_field_of_the_string_that_is_stated_replaces_that_of_its_kind():
-    stated, usual = (
-        derivation.sensor_errors(changed(EstimatorSettings(), {"tool.string": "steel", **given}))
-        for given in ({"tool.axial_interference_nt": 400.0}, {})
-    )
-    assert (stated.axial_interference_nt, usual.axial_interference_nt) == (400.0, 3000.0)
+    def axial_nt(**given):
+        settings = changed(EstimatorSettings(), {"tool.string": "steel", **given})
+        return derivation.sensor_errors(settings).axial_interference_nt
+
+    assert axial_nt(**{"tool.axial_interference_nt": 400.0}) == 400.0
     # Tool codes are those of non-magnetic collars: what is said of another string goes before.
-    coded = derivation.sensor_errors(
-        changed(EstimatorSettings(), {"tool.string": "steel", "survey.tool_code": "MWD+SRGM"})
-    )
-    assert coded.axial_interference_nt == usual.axial_interference_nt
+    assert axial_nt() == axial_nt(**{"survey.tool_code": "MWD+SRGM"}) == 3000.0
 
 
 @pytest.mark.parametrize(("inclination_deg", "verdict"), [(2.0, "accept"), (40.0, "doubtful")])

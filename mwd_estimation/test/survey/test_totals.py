@@ -9,7 +9,7 @@ import pytest
 from bench_errors import BENCH
 
 from mwd_estimation.core.magnetic_geometry import dip
-from mwd_estimation.core.reason_text import joined, text
+from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_estimation.survey.totals import (
@@ -33,6 +33,11 @@ REFERENCE = Reference(50e-6, 72 * DEG, 3 * DEG, 1 * DEG, 9.81, "test")
 def readings(inc, azi_magnetic, toolface):
     mat_tn = mat_nt(inc * DEG, azi_magnetic * DEG, toolface * DEG).T
     return mat_tn @ [0.0, 0.0, -9.81], mat_tn @ np.array([REFERENCE.horizontal, 0.0, REFERENCE.vertical])
+
+
+def named_by(reasons):
+    """Codes of reasons and of the reasons behind them."""
+    return {one.code for reason in reasons for one in (reason, *reason.causes)}
 
 
 def test_slopes_of_the_totals_agree_with_finite_differences():
@@ -77,21 +82,18 @@ def test_the_reference_s_own_sigmas_are_in_the_covariance():
 
 
 @pytest.mark.parametrize(
-    ("g_total", "b_total", "dip_", "words"),
+    ("g_total", "b_total", "dip_", "named"),
     [
-        (1.0, 5e-5, 1.2, "in g?"),
-        (9.81, 50.0, 1.2, "in uT?"),
-        (9.81, 5e4, 1.2, "in nT?"),
-        (9.81, 5e-5, -72 * DEG, "flipped sign"),
+        (9.81, 5e-5, 72 * DEG, []),
+        (1.0, 5e-5, 1.2, [(ReasonCode.GRAVITY_IN_G, ())]),
+        (9.81, 50.0, 1.2, [(ReasonCode.FIELD_IN_OTHER_UNIT, ("uT",))]),
+        (9.81, 5e4, 1.2, [(ReasonCode.FIELD_IN_OTHER_UNIT, ("nT",))]),
+        (9.81, 5e-5, -72 * DEG, [(ReasonCode.DIP_SIGN, ())]),
     ],
 )
-def test_a_wrong_unit_or_sign_is_named(g_total, b_total, dip_, words):
-    (found,) = gravity_faults(g_total) + field_faults(b_total, dip_, REFERENCE)
-    assert words in joined([found])
-
-
-def test_sound_totals_are_no_fault():
-    assert gravity_faults(9.81) + field_faults(5e-5, 72 * DEG, REFERENCE) == []
+def test_a_wrong_unit_or_sign_is_named_and_sound_totals_are_no_fault(g_total, b_total, dip_, named):
+    found = gravity_faults(g_total) + field_faults(b_total, dip_, REFERENCE)
+    assert [(one.code, one.names) for one in found] == named
 
 
 @pytest.mark.parametrize(
@@ -104,7 +106,8 @@ def test_a_tool_that_calls_standard_gravity_one_g_is_held_against_that_where_it_
     found = deviations(f_t * reads / 9.81, b_t, equator, np.zeros((6, 6)), BENCH, 0.0, True)
     assert found.gravity == pytest.approx(deviates, abs=1e-9)
     assert found.standard == standard
-    assert ("standard gravity" in joined(against_limits(found, QualitySettings()))) == standard
+    codes = {ReasonCode.GRAVITY_OFF_STANDARD, ReasonCode.GRAVITY_WITHIN_STANDARD}
+    assert bool(codes & named_by(against_limits(found, QualitySettings()))) == standard
 
 
 COVARIANCE = np.diag([0.006**2, 200e-9**2, (0.25 * DEG) ** 2])
@@ -116,24 +119,22 @@ def apart(gravity=0.0, field=0.0, dip=0.0):
 
 @pytest.mark.fault_case(8)
 @pytest.mark.parametrize(
-    ("off", "limits", "verdict", "words"),
+    ("quantity", "off", "limits", "verdict", "limit"),
     [
-        (apart(0.02, 250e-9, 0.2 * DEG), "service", "accept", None),
-        (apart(0.03), "service", "doubtful", "total gravity +3.1 mG off the reference, limit 2.5 mG"),
-        (apart(0.05), "service", "reject", "+5.1 mG"),
-        (apart(field=-320e-9), "service", "doubtful", "total field -320 nT off the reference, limit 300 nT"),
-        (apart(field=-500e-9), "iscwsa", "reject", "-500 nT"),
-        (apart(dip=0.3 * DEG), "service", "accept", None),
-        (apart(dip=0.3 * DEG), "iscwsa", "doubtful", "dip +0.30 deg off the reference, limit 0.25 deg"),
-        (apart(dip=0.5 * DEG), "custom", "doubtful", "limit 0.45 deg"),
-        (apart(field=450e-9), "toolcode", "doubtful", "limit 400 nT"),
-        (apart(field=650e-9), "toolcode", "reject", "+650 nT"),
+        ("gravity", 0.03, "service", "doubtful", 2.5e-3 * STANDARD_GRAVITY),
+        ("gravity", 0.05, "service", "reject", 2.5e-3 * STANDARD_GRAVITY),
+        ("field", -320e-9, "service", "doubtful", 300e-9),
+        ("field", -500e-9, "iscwsa", "reject", 300e-9),
+        ("dip", 0.3 * DEG, "iscwsa", "doubtful", 0.25 * DEG),
+        ("dip", 0.5 * DEG, "custom", "doubtful", 0.45 * DEG),
+        ("field", 450e-9, "toolcode", "doubtful", 400e-9),
+        ("field", 650e-9, "toolcode", "reject", 400e-9),
     ],
 )
-def test_a_deviation_beyond_its_limit_is_named_with_value_and_limit(off, limits, verdict, words):
-    judged = judge(off, QualitySettings(limits))
+def test_a_deviation_beyond_its_limit_is_named_with_value_and_limit(quantity, off, limits, verdict, limit):
+    judged = judge(apart(**{quantity: off}), QualitySettings(limits))
     assert judged.verdict == verdict
-    assert (not judged.reasons) if words is None else words in text(judged.reasons[0])
+    assert judged.reasons[0] == Reason(ReasonCode(f"{quantity}_off"), pytest.approx(off), pytest.approx(limit))
 
 
 def test_deviations_that_fit_singly_but_not_together_are_doubted_by_the_tool_code():
@@ -141,7 +142,7 @@ def test_deviations_that_fit_singly_but_not_together_are_doubted_by_the_tool_cod
     cov[1, 2] = cov[2, 1] = 0.95 * 200e-9 * 0.25 * DEG
     judged = judge(Deviations(0.0, 300e-9, -0.375 * DEG, cov), QualitySettings())
     assert judged.verdict == "reject"
-    assert "together" in text(judged.reasons[0])
+    assert judged.reasons[0].code is ReasonCode.TOTALS_OFF_TOGETHER
 
 
 def test_unknown_deviations_are_not_judged():
@@ -150,13 +151,13 @@ def test_unknown_deviations_are_not_judged():
 
 
 def test_an_accepted_station_says_what_it_was_held_against():
-    (remark,) = against_limits(apart(0.01, -193e-9, -0.22 * DEG), QualitySettings("service"))
-    said = text(remark)
-    assert said.startswith("within limits: ")
-    for figure in ("+1.0 mG", "-193 nT", "-0.22 deg"):
-        assert f"{figure} off the reference" in said
-    for limit in ("2.5 mG", "300 nT", "0.45 deg"):
-        assert f"(limit {limit})" in said
+    off, quality = apart(0.01, -193e-9, -0.22 * DEG), QualitySettings("service")
+    assert judge(off, quality).verdict == "accept"
+    (remark,) = against_limits(off, quality)
+    codes = ReasonCode.GRAVITY_WITHIN, ReasonCode.FIELD_WITHIN, ReasonCode.DIP_WITHIN
+    limits = 2.5e-3 * STANDARD_GRAVITY, 300e-9, 0.45 * DEG
+    causes = tuple(map(Reason, codes, off.values.tolist(), map(pytest.approx, limits)))
+    assert (remark.code, remark.causes) == (ReasonCode.WITHIN_LIMITS, causes)
 
 
 @pytest.mark.parametrize("limits", ["service", "iscwsa", "custom", "toolcode"])
@@ -176,11 +177,10 @@ def test_what_is_not_judged_has_no_bound():
     assert np.isnan(most).tolist() == [False, True, False]
 
 
-def test_unknown_limits_are_an_error_that_lists_the_known():
+@pytest.mark.parametrize("use", [judge, bounds])
+def test_unknown_limits_are_an_error_that_lists_the_known(use):
     with pytest.raises(ValueError, match="service, iscwsa, toolcode, custom"):
-        judge(apart(), QualitySettings("strict"))
-    with pytest.raises(ValueError, match="service, iscwsa, toolcode, custom"):
-        bounds(apart(), QualitySettings("strict"))
+        use(apart(), QualitySettings("strict"))
 
 
 def test_limits_of_one_s_own_are_in_force_by_name_only():

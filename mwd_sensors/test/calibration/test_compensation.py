@@ -15,20 +15,18 @@ S = wire.NANOSECONDS
 
 def triad(seed, size):
     rng = np.random.default_rng(seed)
-    zeros = np.zeros(3)
+    sigmas = dict.fromkeys(("sigma_bias", "sigma_bias_per_c", "sigma_scale_per_c"), np.zeros(3))
     return TriadCalibration(
         matrix=np.eye(3) + 0.01 * rng.standard_normal((3, 3)),
         bias=0.01 * size * rng.standard_normal(3),
         bias_per_c=1e-4 * size * rng.standard_normal(3),
         scale_per_c=1e-4 * rng.standard_normal(3),
         sigma_matrix=np.zeros((3, 3)),
-        sigma_bias=zeros,
-        sigma_bias_per_c=zeros,
-        sigma_scale_per_c=zeros,
         reference_c=30.0,
         before=0.0,
         after=0.0,
         poses=20,
+        **sigmas,
     )
 
 
@@ -59,23 +57,28 @@ def stream(count=500):
     return imu, mag, temperature, truths
 
 
+def compensated(temperature, calibration=CALIBRATION):
+    """A compensation that knows these temperatures."""
+    made = Compensation(calibration)
+    made.push_temperature(temperature)
+    return made
+
+
 def test_known_errors_are_taken_out_at_every_temperature():
     imu, mag, temperature, truths = stream()
-    compensation = Compensation(CALIBRATION)
-    compensation.push_temperature(temperature)
+    compensation = compensated(temperature)
     out = compensation.imu(imu)
     assert_allclose(out["angular_velocity"], truths[0], atol=1e-12)
     assert_allclose(out["linear_acceleration"], truths[1], atol=1e-12)
     assert_allclose(compensation.mag(mag)["magnetic_field"], truths[2], atol=1e-16)
     assert compensation.without_temperature == 0
-    assert_array_equal(out["orientation_covariance"], imu["orientation_covariance"])
-    assert_array_equal(out["stamp_ns"], imu["stamp_ns"])
+    for name in ("orientation_covariance", "stamp_ns"):
+        assert_array_equal(out[name], imu[name])
 
 
 def test_blocks_of_any_length_give_the_same_bits():
     imu, _, temperature, _ = stream()
-    whole = Compensation(CALIBRATION)
-    whole.push_temperature(temperature)
+    whole = compensated(temperature)
     parts, found = Compensation(CALIBRATION), []
     for k in range(0, len(imu), 7):
         block = imu[k : k + 7]
@@ -88,10 +91,9 @@ def test_blocks_of_any_length_give_the_same_bits():
 
 def test_without_a_temperature_the_calibration_s_own_is_taken_and_counted():
     imu, _, _, _ = stream(200)
-    compensation = Compensation(CALIBRATION)
     broken = wire.TEMPERATURE.empty(1)
     broken["temperature"] = np.nan
-    compensation.push_temperature(broken)
+    compensation = compensated(broken)
     out = compensation.imu(imu)
     assert compensation.without_temperature == 200
     assert_array_equal(out["angular_velocity"], CALIBRATION.gyro(imu["angular_velocity"], np.full(200, 30.0)))
@@ -103,9 +105,8 @@ def test_a_magnetometer_without_calibration_is_left_alone():
 
 
 def test_what_it_remembers_is_bounded():
-    compensation = Compensation(CALIBRATION)
     temperature = wire.TEMPERATURE.empty(10_000)
     temperature["stamp_ns"] = np.arange(10_000) * S
-    compensation.push_temperature(temperature)
+    compensation = compensated(temperature)
     assert len(compensation._stamps) == 4096
     assert compensation._stamps[-1] == 9_999 * S

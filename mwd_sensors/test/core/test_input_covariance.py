@@ -10,9 +10,22 @@ from mwd_sensors.core.input_covariance import ABSENT, TOO_SMALL, UNBELIEVABLE, N
 
 def imu(covariance, field="angular_velocity", n=5):
     samples = wire.IMU.empty(n)
+    samples["stamp_ns"] = np.arange(n) * 10_000_000
     samples["angular_velocity"], samples["linear_acceleration"] = 0.1, 9.8
     samples[f"{field}_covariance"] = covariance
     return samples
+
+
+def diagonal(*variances):
+    return np.diag(variances).ravel()
+
+
+def noise_of(samples, cut=1000):
+    """The noise that is taken from the samples, block by block."""
+    watch = NoiseWatch()
+    for k in range(0, len(samples), cut):
+        watch.take(samples[k : k + cut], wire.IMU.type_name)
+    return watch.noise
 
 
 @pytest.mark.fault_case(13)
@@ -56,8 +69,8 @@ def test_what_is_no_covariance_is_named_and_the_numbers_stay(covariance):
 
 
 def test_a_sound_covariance_and_one_of_a_planar_sensor_pass():
-    for diagonal in ((1e-6, 2e-6, 3e-6), (1e-6, 1e-6, 0.0)):
-        assert judge(imu(np.diag(diagonal).ravel()), wire.IMU.type_name).notes == {}
+    for covariance in (diagonal(1e-6, 2e-6, 3e-6), diagonal(1e-6, 1e-6, 0.0)):
+        assert judge(imu(covariance), wire.IMU.type_name).notes == {}
 
 
 def test_samples_without_covariances_and_other_messages_pass():
@@ -67,60 +80,42 @@ def test_samples_without_covariances_and_other_messages_pass():
 
 
 def test_the_stated_noise_is_that_of_the_first_samples_however_they_are_cut():
-    samples = imu(np.diag([1e-6, 4e-6, 1e-6]).ravel(), n=40)
-    samples["stamp_ns"] = np.arange(40) * 10_000_000
+    samples = imu(diagonal(1e-6, 4e-6, 1e-6), n=40)
     samples["angular_velocity_covariance"][20:] *= 100.0
-    whole, pieces = NoiseWatch(), NoiseWatch()
-    whole.take(samples, wire.IMU.type_name)
-    for k in range(40):
-        pieces.take(samples[k : k + 1], wire.IMU.type_name)
-    assert whole.noise == pieces.noise
-    assert whole.noise["angular_velocity"].sigma == pytest.approx(2e-3)
-    assert whole.noise["angular_velocity"].density == pytest.approx(2e-4)
-    assert whole.noise["linear_acceleration"].sigma == 0.0
+    found = noise_of(samples)
+    assert found == noise_of(samples, cut=1)
+    assert found["angular_velocity"].sigma == pytest.approx(2e-3)
+    assert found["angular_velocity"].density == pytest.approx(2e-4)
+    assert found["linear_acceleration"].sigma == 0.0
 
 
 @pytest.mark.parametrize("covariance", [[-1.0, *[4.0] * 8], [np.nan] * 9, [1e12, *[0.0] * 8]])
 def test_what_is_absent_or_no_covariance_states_no_noise(covariance):
-    watch, samples = NoiseWatch(), imu(covariance, n=20)
-    samples["stamp_ns"] = np.arange(20) * 10_000_000
-    watch.take(samples, wire.IMU.type_name)
-    assert watch.noise["angular_velocity"].sigma == 0.0
+    assert noise_of(imu(covariance, n=20))["angular_velocity"].sigma == 0.0
 
 
 def test_a_first_sample_that_was_clipped_states_the_noise_of_its_other_axes():
-    samples, watch = imu(np.diag([1e-6, 4e-6, 1e-6]).ravel(), n=20), NoiseWatch()
-    samples["stamp_ns"] = np.arange(20) * 10_000_000
+    samples = imu(diagonal(1e-6, 4e-6, 1e-6), n=20)
     mark_clipped(samples, "angular_velocity", np.arange(60).reshape(20, 3) == 0)
-    watch.take(samples, wire.IMU.type_name)
-    assert watch.noise["angular_velocity"].sigma == pytest.approx(2e-3)
+    assert noise_of(samples)["angular_velocity"].sigma == pytest.approx(2e-3)
 
 
-def scattering(stated):
-    rng, samples = np.random.default_rng(2), imu(np.diag([stated] * 3).ravel(), n=200)
-    samples["stamp_ns"] = np.arange(200) * 10_000_000
-    samples["angular_velocity"] = rng.normal(scale=1e-3, size=(200, 3))
-    watch = NoiseWatch()
+def not_credible(stated, rates, still):
+    """What of samples with these rates and this stated variance is not credible."""
+    samples, watch = imu(diagonal(*[stated] * 3), n=200), NoiseWatch()
+    samples["angular_velocity"] = rates
     for part in np.array_split(samples, 70):
         watch.take(part, wire.IMU.type_name)
-        watch.rest(part, wire.IMU.type_name, still=True)
+        watch.rest(part, wire.IMU.type_name, still=still)
     return watch.not_credible
 
 
 @pytest.mark.fault_case(16)
-def test_a_covariance_a_million_times_too_small_is_not_credible_and_an_honest_one_is():
-    assert scattering(1e-12) == {"angular_velocity": TOO_SMALL}
-    assert scattering(1e-6) == {}
-
-
-def test_a_tool_that_moves_shows_nothing_of_its_noise():
-    samples = imu(np.diag([1e-12] * 3).ravel(), n=200)
-    samples["stamp_ns"] = np.arange(200) * 10_000_000
-    samples["angular_velocity"][::2] = 5.0
-    watch = NoiseWatch()
-    watch.take(samples, wire.IMU.type_name)
-    watch.rest(samples, wire.IMU.type_name, still=False)
-    assert watch.not_credible == {}
+def test_a_covariance_a_million_times_too_small_is_not_credible_and_an_honest_one_or_that_of_a_moving_tool_is():
+    noise = np.random.default_rng(2).normal(scale=1e-3, size=(200, 3))
+    assert not_credible(1e-12, noise, still=True) == {"angular_velocity": TOO_SMALL}
+    assert not_credible(1e-6, noise, still=True) == {}
+    assert not_credible(1e-12, np.tile([[5.0], [0.1]], (100, 3)), still=False) == {}
 
 
 @pytest.mark.parametrize("vector", ["angular_velocity", "linear_acceleration"])
@@ -138,5 +133,5 @@ def test_axes_marked_as_clipped_are_found_in_the_axes_of_a_tool_too(vector, know
 @pytest.mark.parametrize("variance", [*(10.0**k for k in range(-12, 9)), -1.0, np.nan, np.inf])
 def test_the_stand_ins_of_drivers_without_a_covariance_are_no_clipping(variance):
     for vector in ("angular_velocity", "linear_acceleration"):
-        assert not clipped(imu(np.diag([variance] * 3).ravel(), vector), vector).any()
+        assert not clipped(imu(diagonal(*[variance] * 3), vector), vector).any()
     assert not clipped(wire.IMU.empty(3)[["stamp_ns", "angular_velocity"]], "angular_velocity").any()

@@ -73,10 +73,6 @@ def test_one_key_may_stand_in_several_tables_and_beside_one_that_is_merged():
     assert load_yaml(text)["other"] == {"x": 1, "y": 2}
 
 
-def test_anchors_and_merged_tables_are_read():
-    assert load_yaml("base: &b {x: 1}\nother: {<<: *b, y: 2}") == {"base": {"x": 1}, "other": {"x": 1, "y": 2}}
-
-
 @given(st.lists(st.sampled_from("a,\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029\t "), max_size=60).map("".join))
 def test_lines_are_counted_as_the_readers_split_them(text):
     count = len(f"{text}.".splitlines())

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """A probe on a pseudo terminal: its samples to the bit, its clock, and a line that is lost and found again."""
 
+import contextlib
 import os
 import select
-import tempfile
 import threading
 import time
 import tty
-from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.drivers import polled_line, probe_protocol, serial_probe
@@ -37,6 +37,36 @@ def measured(seconds=2.0):
     return {"imu/data_raw": imu, "imu/mag": mag, "gyro/data_raw": gyro, "imu/temperature": temperature}
 
 
+@contextlib.contextmanager
+def emulated(sent, rate=0.0, protocol="binary", **settings):
+    """A probe on the line of an emulated unit that plays these blocks; the player's thread."""
+    frame = polled_frame(LineSettings(protocol=protocol, **settings)) if protocol == "polled" else None
+    with Emulator(protocol, wait_for_start=True, frame=frame) as emulator:
+        probe = SerialProbe(LineSettings(port=emulator.device, protocol=protocol, **settings))
+        player = threading.Thread(target=emulator.play, args=(sent, rate))
+        player.start()
+        yield probe, player
+        player.join()
+        probe.close()
+
+
+@contextlib.contextmanager
+def bare_line(**settings):
+    """The unit's end of a line, and a probe at the other end that has been polled once."""
+    unit, line = os.openpty()
+    tty.setraw(line)
+    probe = SerialProbe(LineSettings(port=os.ttyname(line), **settings))
+    probe.poll(START)
+    yield unit, probe
+    probe.close()
+    os.close(line)
+    os.close(unit)
+
+
+def count(sent):
+    return sum(len(samples) for samples in sent.values())
+
+
 def received(probe, until, within=30.0):
     """Readings until the wanted number has come; the line is read as a node's timer does."""
     got, end = [], time.monotonic() + within
@@ -57,16 +87,10 @@ def received_to_the_end(probe, player):
 @pytest.mark.parametrize("protocol", ["binary", "ascii"])
 def test_what_a_probe_sends_comes_to_the_bit(protocol):
     sent = measured()
-    with Emulator(protocol, wait_for_start=True) as emulator:
-        probe = SerialProbe(LineSettings(port=emulator.device, protocol=protocol, clock="unit"))
-        player = threading.Thread(target=emulator.play, args=([sent], 0.0))
-        player.start()
-        got = received(probe, sum(len(samples) for samples in sent.values()))
-        player.join()
-        assert probe.info == NAME
+    with emulated([sent], protocol=protocol, clock="unit") as (probe, _):
+        got = received(probe, count(sent))
         counters = probe.reader.counters
-        assert (counters.broken, counters.lost) == (0, 0)
-        probe.close()
+        assert (probe.info, counters.broken, counters.lost) == (NAME, 0, 0)
     for topic, samples in sent.items():
         mine = samples_of(topic, [one for one in got if one.topic == topic])
         assert mine.tobytes() == samples.tobytes()
@@ -85,24 +109,19 @@ def test_the_line_stays_until_the_host_has_read_the_last_sample():
     player.start()
     player.join(1.0)
     assert player.is_alive()
-    expected, got = sum(len(samples) for samples in sent.values()), 0
-    while got < expected:
+    got = 0
+    while got < count(sent):
         got += len(list(splitter.take(os.read(host, 100))))
     player.join()
     os.close(host)
-    assert got == expected
+    assert got == count(sent)
 
 
 def test_a_scenario_is_played_though_most_of_its_blocks_have_no_temperature():
     sent = list(Sonde(scenario.parse("name: short\nschedule: [{kind: still, seconds: 1.5}]")).blocks(0.1))
     assert min(len(block["imu/temperature"]) for block in sent) == 0
-    with Emulator("binary", wait_for_start=True) as emulator:
-        probe = SerialProbe(LineSettings(port=emulator.device, clock="unit"))
-        player = threading.Thread(target=emulator.play, args=(sent, 0.0))
-        player.start()
+    with emulated(sent, clock="unit") as (probe, _):
         got = received(probe, sum(len(block[topic]) for block in sent for topic in LAYOUTS))
-        player.join()
-        probe.close()
     assert {one.topic for one in got} == set(LAYOUTS)
     for topic, layout in LAYOUTS.items():
         assert readings_of(topic, layout.empty(0)) == []
@@ -115,18 +134,9 @@ def test_an_mti_on_a_line_gives_the_rates_and_forces_of_its_increments_its_field
     for field in ("angular_velocity", "linear_acceleration"):
         input_covariance.mark_clipped(sent["imu/data_raw"], field, clipped)
     topics = ("imu/mag", "imu/temperature", "imu/data_raw")
-    with Emulator("xsens", wait_for_start=True) as emulator:
-        probe = SerialProbe(
-            LineSettings(port=emulator.device, protocol="xsens", clock="unit", xsens_field_ut=1e6 * XSENS_FIELD_T)
-        )
-        probe.poll(time.time_ns())
-        assert probe.connected
-        player = threading.Thread(target=emulator.play, args=([sent], 0.0))
-        player.start()
+    with emulated([sent], protocol="xsens", clock="unit", xsens_field_ut=1e6 * XSENS_FIELD_T) as (probe, _):
         # The interval of the first packet is not known.
         got = received(probe, sum(len(sent[topic]) for topic in topics) - 1)
-        player.join()
-        probe.close()
     mag, temperature, mine = (samples_of(topic, [one for one in got if one.topic == topic]) for topic in topics)
     assert mag["magnetic_field"] == pytest.approx(sent["imu/mag"]["magnetic_field"], rel=1e-12)
     assert temperature["temperature"] == pytest.approx(sent["imu/temperature"]["temperature"], rel=1e-12)
@@ -140,14 +150,10 @@ def test_the_unit_s_time_is_brought_to_that_of_the_host():
     sent = measured(1.0)
     for samples in sent.values():
         samples["stamp_ns"] -= START  # a unit whose clock begins at zero
-    with Emulator("binary", wait_for_start=True) as emulator:
-        probe = SerialProbe(LineSettings(port=emulator.device))
-        player = threading.Thread(target=emulator.play, args=([sent], 1.0))
-        player.start()
+    with emulated([sent], 1.0) as (probe, player):
         got = received_to_the_end(probe, player)
         assert probe.clock.jumps == 0
         assert got[0].stamp_ns + probe.offset_ns == pytest.approx(time.time_ns(), abs=5e9)
-        probe.close()
 
 
 @pytest.mark.slow
@@ -161,9 +167,8 @@ def test_a_line_that_is_lost_is_opened_again(tmp_path):
         with Emulator("binary", link, wait_for_start=True) as emulator:
             player = threading.Thread(target=emulator.play, args=([sent], 0.0))
             player.start()
-            got = received(probe, sum(len(samples) for samples in sent.values()))
+            received(probe, count(sent))
             player.join()
-            assert got
             assert probe.connections == round_
         end = time.monotonic() + 10.0
         while probe.connected and time.monotonic() < end:
@@ -183,33 +188,21 @@ def heard(unit, last):
 
 def test_a_unit_that_was_without_power_is_asked_for_samples_again(monkeypatch):
     monkeypatch.setattr(serial_probe, "_FIRST_S", 0.0)
-    unit, line = os.openpty()
-    tty.setraw(line)
-    probe = SerialProbe(LineSettings(port=os.ttyname(line), protocol="ascii"))
-    probe.poll(0)
-    heard(unit, b"$START")
-    # It was switched on only now.
-    probe.poll(0)
-    heard(unit, b"$START")
-    assert probe.stream(False)
-    heard(unit, b"$STOP")
-    probe.poll(0)
-    assert b"$START" not in heard(unit, b"$TIME")
-    probe.close()
-    os.close(line)
-    os.close(unit)
+    with bare_line(protocol="ascii") as (unit, probe):
+        heard(unit, b"$START")
+        # It was switched on only now.
+        probe.poll(START)
+        heard(unit, b"$START")
+        assert probe.stream(False)
+        heard(unit, b"$STOP")
+        probe.poll(START)
+        assert b"$START" not in heard(unit, b"$TIME")
 
 
 def test_a_line_that_takes_nothing_does_not_hold_the_node_up():
-    unit, line = os.openpty()
-    tty.setraw(line)
-    probe = SerialProbe(LineSettings(port=os.ttyname(line)))
-    probe.poll(0)
-    assert not all(probe.stream(True) for _ in range(20_000))
-    assert probe.connected
-    probe.close()
-    os.close(line)
-    os.close(unit)
+    with bare_line() as (_, probe):
+        assert not all(probe.stream(True) for _ in range(20_000))
+        assert probe.connected
 
 
 def test_the_offset_of_a_clock_follows_the_fastest_message_slowly_and_a_new_start_at_once():
@@ -254,14 +247,10 @@ def test_the_time_of_the_emulated_unit_runs_before_and_between_its_samples():
         time.sleep(1.0)
         yield {topic: samples[50:] for topic, samples in sent.items()}
 
-    with Emulator("binary", wait_for_start=True) as emulator:
-        probe = SerialProbe(LineSettings(port=emulator.device))
-        player = threading.Thread(target=emulator.play, args=(slowly(), 1.0))
-        player.start()
+    with emulated(slowly(), 1.0) as (probe, player):
         got = received_to_the_end(probe, player)
         assert probe.clock.jumps == 0
         assert got[0].stamp_ns + probe.offset_ns == pytest.approx(time.time_ns(), abs=8e9)
-        probe.close()
 
 
 def test_a_host_that_was_held_up_does_not_move_the_clock_of_the_unit():
@@ -288,45 +277,30 @@ def test_a_clock_of_the_host_that_was_set_is_followed_once_it_stays(set_s):
 
 @pytest.mark.parametrize("stamp_ns", [-1, 2**63 - 1, -(2**63)])
 def test_a_sample_of_a_time_that_no_message_can_have_is_broken_and_the_next_is_read(stamp_ns):
-    master, slave = os.openpty()
-    tty.setraw(master)
-    probe = SerialProbe(LineSettings(port=os.ttyname(slave), clock="unit"))
-    probe.poll(START)
     samples = (UnitSample("imu/temperature", stamp, (50.0,), 0) for stamp in (START, stamp_ns, START + 1))
-    os.write(master, b"".join(probe_protocol.sample(one, k, text=False) for k, one in enumerate(samples)))
-    assert [one.stamp_ns for one in received(probe, 2)] == [START, START + 1]
-    assert probe.reader.counters.broken == 1
-    probe.close()
-    os.close(master)
-    os.close(slave)
+    with bare_line(clock="unit") as (unit, probe):
+        os.write(unit, b"".join(probe_protocol.sample(one, k, text=False) for k, one in enumerate(samples)))
+        assert [one.stamp_ns for one in received(probe, 2)] == [START, START + 1]
+        assert probe.reader.counters.broken == 1
 
 
-def polled_to_the_end(settings, sent, rate):
-    """Poll an emulated probe until it has no more samples; return the driver and the samples."""
-    with Emulator("polled", wait_for_start=True, frame=polled_frame(settings(""))) as emulator:
-        probe = SerialProbe(settings(emulator.device))
-        player = threading.Thread(target=emulator.play, args=([sent], rate))
-        player.start()
+@pytest.fixture
+def frame_of(tmp_path):
+    """Write the file of a frame with a poll of these quantities, and return its path."""
+
+    def write(items, **settings):
+        poll = {"items": [{"quantity": "time", "form": "int64", "step": 1e-9}, *items]}
+        (tmp_path / "frame.yaml").write_text(yaml.safe_dump({**settings, "polls": [poll]}))
+        return str(tmp_path / "frame.yaml")
+
+    return write
+
+
+def test_a_polled_unit_gives_each_sample_as_it_is_asked(frame_of):
+    items = [{"quantity": name, "form": "float64"} for topic in polled_line.NAMES.values() for name in topic]
+    frame, sent = frame_of(items, start="7e", address=9, period_s=0.001, timeout_s=5.0), measured(1.0)
+    with emulated([sent], protocol="polled", clock="unit", frame_file=frame) as (probe, player):
         got = received_to_the_end(probe, player)
-        probe.close()
-    return probe, got
-
-
-def test_a_polled_unit_gives_each_sample_as_it_is_asked():
-    exact = "{quantity: %s, form: float64}"
-    names = [name for topic in polled_line.NAMES.values() for name in topic]
-
-    def settings(port):
-        return LineSettings(port=port, protocol="polled", clock="unit", frame_file=str(frame))
-
-    with tempfile.TemporaryDirectory() as folder:
-        frame = Path(folder) / "frame.yaml"
-        items = ["{quantity: time, form: int64, step: 1.0e-9}", *(exact % name for name in names)]
-        frame.write_text(
-            f"{{start: 7e, address: 9, period_s: 0.001, timeout_s: 5.0, polls: [{{items: [{', '.join(items)}]}}]}}"
-        )
-        sent = measured(1.0)
-        probe, got = polled_to_the_end(settings, sent, 0.0)
     assert probe.reader.trouble == {}
     for topic in ("imu/data_raw", "imu/mag", "gyro/data_raw"):
         mine = samples_of(topic, [one for one in got if one.topic == topic])
@@ -334,42 +308,30 @@ def test_a_polled_unit_gives_each_sample_as_it_is_asked():
         assert len(mine) >= len(sent[topic]) - 1
 
 
-def test_a_host_slower_than_the_unit_gets_the_newest_sample_and_none_twice():
-    def settings(port):
-        return LineSettings(port=port, protocol="polled", clock="unit", frame_file=str(frame))
-
-    with tempfile.TemporaryDirectory() as folder:
-        frame = Path(folder) / "frame.yaml"
-        numbers = ", ".join(f"{{quantity: {name}}}" for name in ("temperature", *polled_line.NAMES["imu/data_raw"]))
-        poll = f"{{items: [{{quantity: time, form: int64, step: 1.0e-9}}, {numbers}]}}"
-        frame.write_text(f"{{period_s: 0.1, polls: [{poll}]}}")
-        _, got = polled_to_the_end(settings, measured(2.0), 1.0)
+def test_a_host_slower_than_the_unit_gets_the_newest_sample_and_none_twice(frame_of):
+    names = ("temperature", *polled_line.NAMES["imu/data_raw"])
+    frame = frame_of([{"quantity": name} for name in names], period_s=0.1)
+    with emulated([measured(2.0)], 1.0, protocol="polled", clock="unit", frame_file=frame) as (probe, player):
+        got = received_to_the_end(probe, player)
     stamps = [one.stamp_ns for one in got if one.topic == "imu/data_raw"]
     assert 10 <= len(stamps) <= 25
     # None twice and none older than the last; how far they lie apart depends on the machine.
     assert (np.diff(stamps) > 0).all()
 
 
-def test_a_unit_without_a_clock_is_stamped_between_request_and_reply():
-    unit, line = os.openpty()
-    tty.setraw(line)
-    with tempfile.TemporaryDirectory() as folder:
-        frame = Path(folder) / "frame.yaml"
-        frame.write_text("polls: [{items: [{quantity: temperature, form: int16, step: 0.1}]}]")
-        probe = SerialProbe(LineSettings(port=os.ttyname(line), protocol="polled", frame_file=str(frame)))
-        with pytest.raises(ValueError, match="set clock to host"):
-            polled_frame(LineSettings(protocol="polled", frame_file=str(frame), clock="unit"))
-    probe.poll(START)
-    probe.poll(START)
-    end = polled_line.PolledLineUnit(probe.reader.frame)
-    asked = end.take(os.read(unit, 100))
-    os.write(unit, polled_line.reply(end.frame, asked, {"temperature": 41.5}))
-    got, stop = [], time.monotonic() + 10.0
-    while not got and time.monotonic() < stop:
-        got = probe.poll(START + 1_000_000_000)
-    assert got[0].values == (41.5,)
-    assert START <= got[0].stamp_ns <= START + 1_000_000_000
-    assert probe.offset_ns == 0
-    probe.close()
-    os.close(line)
-    os.close(unit)
+def test_a_unit_without_a_clock_is_stamped_between_request_and_reply(tmp_path):
+    frame = tmp_path / "frame.yaml"
+    frame.write_text("polls: [{items: [{quantity: temperature, form: int16, step: 0.1}]}]")
+    with pytest.raises(ValueError, match="set clock to host"):
+        polled_frame(LineSettings(protocol="polled", frame_file=str(frame), clock="unit"))
+    with bare_line(protocol="polled", frame_file=str(frame)) as (unit, probe):
+        probe.poll(START)
+        end = polled_line.PolledLineUnit(probe.reader.frame)
+        asked = end.take(os.read(unit, 100))
+        os.write(unit, polled_line.reply(end.frame, asked, {"temperature": 41.5}))
+        got, stop = [], time.monotonic() + 10.0
+        while not got and time.monotonic() < stop:
+            got = probe.poll(START + 1_000_000_000)
+        assert got[0].values == (41.5,)
+        assert START <= got[0].stamp_ns <= START + 1_000_000_000
+        assert probe.offset_ns == 0

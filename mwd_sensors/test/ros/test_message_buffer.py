@@ -2,6 +2,7 @@
 """Messages taken and decoded in one go: nothing lost, nothing out of order."""
 
 import contextlib
+import itertools
 import os
 from types import SimpleNamespace
 
@@ -26,20 +27,17 @@ class Handle(contextlib.nullcontext):
 
     def __init__(self, waiting=()):
         super().__init__()
-        self.waiting = [(data, {"received_timestamp": 1000 + k}) for k, data in enumerate(waiting)]
+        self.waiting = enumerate(waiting, 1000)
 
     def take_message(self, _kind, raw):
         assert raw
-        return self.waiting.pop(0) if self.waiting else None
+        found = next(self.waiting, None)
+        return found and (found[1], {"received_timestamp": found[0]})
 
 
-class Entity:
-    """A subscription."""
-
-    msg_type = Imu
-
-    def __init__(self, waiting=()):
-        self.handle = Handle(waiting)
+def buffer_of(waiting):
+    """The buffer of a subscription in whose queue these messages wait."""
+    return MessageBuffer(SimpleNamespace(handle=Handle(waiting), msg_type=Imu))
 
 
 def samples(count):
@@ -54,7 +52,7 @@ def messages(count, frame="sonde_link"):
 
 
 def test_everything_that_waits_is_taken_oldest_first_with_its_time_of_arrival():
-    buffer = MessageBuffer(Entity([b"first", b"second", b"third"]))
+    buffer = buffer_of([b"first", b"second", b"third"])
     assert buffer.take() == [(b"first", 1000), (b"second", 1001), (b"third", 1002)]
     assert buffer.take() == []
 
@@ -89,22 +87,8 @@ def test_a_buffered_profile_differs_in_nothing_but_its_depth():
 
 @pytest.mark.fault_case(55)
 def test_a_flood_is_taken_in_bounded_portions():
-    class Endless:
-        taken = 0
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            return None
-
-        def take_message(self, _type, _raw):
-            self.taken += 1
-            return b"", {"received_timestamp": self.taken}
-
-    handle = Endless()
-    buffer = MessageBuffer(SimpleNamespace(handle=handle, msg_type=None))
-    assert len(buffer.take()) == handle.taken == 10_000
+    buffer = buffer_of(itertools.repeat(b""))
+    assert [buffer.take()[-1].received_ns for _ in range(2)] == [10_999, 20_999]
 
 
 @pytest.mark.ros

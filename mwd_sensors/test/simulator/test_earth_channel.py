@@ -14,6 +14,8 @@ from mwd_sensors.telemetry.tool_configuration import from_mapping
 # dB/km at 2, 5, 10 Hz by resistivity, ohm m: an independent computation of the leaky line.
 TABLE = {1: (58, 69, 87), 3: (33, 39, 49), 10: (17, 21, 26), 30: (10, 12, 15), 100: (5, 6, 8)}
 FREQUENCY = np.array([2.0, 5.0, 10.0])
+TOOL = from_mapping({"code": "psk", "carrier": {"medium": "earth", "frequency_hz": 6.0}, "transmit_delay_s": 1.0})
+SENT = transmit(TOOL, ((0.0, 100.0),), 1)
 DB_PER_NEPER = 20.0 / np.log(10.0)
 
 
@@ -28,10 +30,8 @@ def test_the_loss_is_that_of_the_table(resistivity):
 
 
 def test_another_kilometre_costs_what_the_line_loses():
-    far, near = (
-        np.abs(response(Ground(bottom_m=(12000.0,), resistivity=(10.0,), depth_m=depth), FREQUENCY))
-        for depth in (3000.0, 2000.0)
-    )
+    ground = Ground(bottom_m=(12000.0,), resistivity=(10.0,))
+    far, near = (np.abs(response(dataclasses.replace(ground, depth_m=m), FREQUENCY)) for m in (3000.0, 2000.0))
     assert DB_PER_NEPER * np.log(near / far) == pytest.approx(loss_db_per_km(10.0), abs=0.5)
 
 
@@ -49,19 +49,16 @@ def test_the_mode_satisfies_its_equation_without_steel_loss_in_the_limit():
 
 
 def test_voltage_is_the_same_however_it_is_asked_for_and_by_seed():
-    tool = from_mapping({"code": "psk", "carrier": {"medium": "earth", "frequency_hz": 6.0}, "transmit_delay_s": 1.0})
-    sent = transmit(tool, ((0.0, 100.0),), 1)
-    _, whole = earth_run(EarthChannel(), sent, 60.0, 3)
-    stream = EarthVoltage(EarthChannel(), sent.drive, 3)
+    _, whole = earth_run(EarthChannel(), SENT, 60.0, 3)
+    stream = EarthVoltage(EarthChannel(), SENT.drive, 3)
     assert np.array_equal(np.concatenate([stream.block() for _ in range(6)]), whole)
-    assert not np.array_equal(earth_run(EarthChannel(), sent, 60.0, 4)[1], whole)
+    assert not np.array_equal(earth_run(EarthChannel(), SENT, 60.0, 4)[1], whole)
 
 
 def test_the_signal_has_the_size_of_the_response():
     quiet = EarthNoise(0.0, 0.0, 0.0, 50.0, 0.0, 1.45, 0.0, 0.0)
-    tool = from_mapping({"code": "psk", "carrier": {"medium": "earth", "frequency_hz": 6.0}, "transmit_delay_s": 1.0})
     ground = Ground(bottom_m=(12000.0,), resistivity=(30.0,), depth_m=2000.0)
-    _, voltage = earth_run(EarthChannel(ground, quiet), transmit(tool, ((0.0, 100.0),), 1), 60.0, 3)
+    _, voltage = earth_run(EarthChannel(ground, quiet), SENT, 60.0, 3)
     size = float(np.abs(response(ground, np.array([6.0])))[0])
     assert np.sqrt(2.0) * np.std(voltage[2500:]) == pytest.approx(size, rel=0.1)
 

@@ -12,6 +12,7 @@ from mwd_sensors.simulator.gamma import Gamma, GammaDetector, _vertical
 from mwd_sensors.simulator.motion import well_path
 from mwd_sensors.simulator.scenario import parse
 from mwd_sensors.simulator.sonde import Sonde
+from simulated_sonde import samples_of
 
 HORIZONTAL = well_path([0.0, 500.0], [0.0, math.pi / 2.0], [0.0, 0.0])
 TVD = 500.0 * 2.0 / math.pi
@@ -49,15 +50,10 @@ def test_the_dead_time_follows_the_non_paralysable_model(dead_time_us):
 
 
 def test_the_layer_is_that_of_the_depth_of_the_detector():
-    for by, top in (("md", 700.0), ("tvd", TVD)):
-        detector = GammaDetector(Gamma(formation=((0.0, 20.0), (top, 140.0)), by=by), HORIZONTAL, None)
-        if by == "md":
-            assert detector.expected([690.0, 710.0], [0.0, 0.0]) == pytest.approx([20.0, 140.0])
-        else:
-            vertical = GammaDetector(
-                Gamma(formation=((0.0, 20.0), (300.0, 140.0))), well_path([0.0], [0.0], [0.0]), None
-            )
-            assert vertical.expected([290.0, 310.0], [0.0, 2.0]) == pytest.approx([20.0, 140.0])
+    by_md = GammaDetector(Gamma(formation=((0.0, 20.0), (700.0, 140.0)), by="md"), HORIZONTAL, None)
+    assert by_md.expected([690.0, 710.0], [0.0, 0.0]) == pytest.approx([20.0, 140.0])
+    vertical = GammaDetector(Gamma(formation=((0.0, 20.0), (300.0, 140.0))), well_path([0.0], [0.0], [0.0]), None)
+    assert vertical.expected([290.0, 310.0], [0.0, 2.0]) == pytest.approx([20.0, 140.0])
 
 
 def test_on_the_boundary_of_a_horizontal_bed_up_and_down_see_the_two_rocks():
@@ -101,18 +97,14 @@ schedule:
 """
 
 
-def blocks(text, seconds):
-    parts = list(Sonde(parse(text)).blocks(seconds))
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-
 @pytest.mark.slow
 def test_the_counts_of_a_run_do_not_depend_on_the_blocks_and_do_not_disturb_the_other_sensors():
-    one, other = blocks(SCENARIO, 0.1), blocks(SCENARIO, 2.7)
+    one, other = (samples_of(Sonde(parse(SCENARIO)), block_s=seconds) for seconds in (0.1, 2.7))
     assert one[wire.GAMMA_TOPIC].tobytes() == other[wire.GAMMA_TOPIC].tobytes()
     assert len(one[wire.GAMMA_TOPIC]) == 150
     assert one[wire.GAMMA_TOPIC]["sensor_to_bit"][0] == 5.0
-    without = blocks("\n".join(line for line in SCENARIO.splitlines() if not line.startswith("gamma")), 1.0)
+    bare = "\n".join(line for line in SCENARIO.splitlines() if not line.startswith("gamma"))
+    without = samples_of(Sonde(parse(bare)))
     assert wire.GAMMA_TOPIC not in without
     for topic in wire.SONDE_TOPICS:
         assert one[topic].tobytes() == without[topic].tobytes()

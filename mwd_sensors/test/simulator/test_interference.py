@@ -30,14 +30,6 @@ def test_the_string_s_field_turns_with_the_tool():
         assert_allclose(sensed(item, toolface=toolface), [27e-6, 1e-7, -0.5e-7], atol=1e-18)
 
 
-@pytest.mark.parametrize(("relative", "b_x"), [(0.5, 5.0014), (1.0, 7.0014), (2.0, 11.0014)])
-def test_s0_table_1_is_what_the_sonde_reads(relative, b_x):
-    given = scenario.read(SCENARIOS / "s0_table.yaml", {"interference": {"axial_relative": relative}})
-    mag = next(Sonde(given).blocks())["imu/mag"]["magnetic_field"]
-    # S0 table 1, 1e-5 T, last digit printed.
-    assert_allclose(mag * 1e5, np.tile([b_x, -0.6372, -2.5662], (len(mag), 1)), atol=6e-5)
-
-
 def test_s1_s_field_case_turns_the_magnetic_azimuth_as_printed():
     given = scenario.read(SCENARIOS / "s1_field.yaml")
     sonde = Sonde(given)
@@ -107,10 +99,3 @@ def test_a_pole_in_the_ground_stays_there_while_the_tool_turns():
     fields = [mat_nt(0.7, 1.0, tf) @ sensed(item, toolface=tf) for tf in (0.0, 2.0)]
     assert_allclose(fields[0], fields[1], atol=1e-18)
     assert fields[0][1] < 0.0
-
-
-def test_what_makes_no_sense_is_refused():
-    with pytest.raises(ValueError, match="three rows"):
-        Interference(soft_iron=((0.0, 0.0, 0.0),))
-    with pytest.raises(ValueError, match="ascend"):
-        Interference(anomalies=(Anomaly(20.0, (0.0, 0.0, 0.0)), Anomaly(10.0, (0.0, 0.0, 0.0))))

@@ -13,8 +13,7 @@ from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
 
-FOLDER = SCENARIOS
-FILES = sorted(FOLDER.rglob("*.yaml"))
+FILES = sorted(SCENARIOS.rglob("*.yaml"))
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -40,23 +39,13 @@ def test_the_cases_that_the_project_promises_are_all_there():
     assert {*bench.split(), *asked.split()} <= names
 
 
-def test_a_wrong_key_names_its_nearest_match():
-    with pytest.raises(SettingsError, match=r"rig\.ramp: no such setting; did you mean ramp_s"):
-        scenario.parse("{rig: {ramp: 3.0}}")
-    with pytest.raises(SettingsError, match=r"schedule\[0\]\.rmp: no such setting; did you mean rpm"):
-        scenario.parse("{schedule: [{kind: drill, rmp: 100.0}]}")
-
-
-def test_a_wrong_value_names_unit_and_bound():
-    with pytest.raises(SettingsError, match=r"place\.latitude_deg: 91 deg is above the highest allowed, 90 deg"):
-        scenario.parse("{place: {latitude_deg: 91.0}}")
-    with pytest.raises(SettingsError, match="did you mean still"):
-        scenario.parse("{schedule: [{kind: stil}]}")
-
-
 @pytest.mark.parametrize(
     ("text", "match"),
     [
+        ("{rig: {ramp: 3.0}}", r"rig\.ramp: .*did you mean ramp_s"),
+        ("{schedule: [{kind: drill, rmp: 100.0}]}", r"schedule\[0\]\.rmp: .*did you mean rpm"),
+        ("{schedule: [{kind: stil}]}", "did you mean still"),
+        ("{place: {latitude_deg: 91.0}}", r"place\.latitude_deg: 91 deg .*90 deg"),
         ("[1, 2]", "expected a table"),
         ("{a: [", "YAML"),
         ("{date: yesterday}", "must look like"),
@@ -66,11 +55,12 @@ def test_a_wrong_value_names_unit_and_bound():
         ("{ahrs: {grade: mti4}}", "did you mean mti3"),
         ("{ahrs: {changes: {gyro: {rnage_deg_s: 1.0}}}}", "range_deg_s"),
         ("{interference: {soft_iron: [[0.0, 0.0, 0.0]]}}", "three rows"),
+        ("{interference: {anomalies: [{md_m: 20, field_nt: &none [0, 0, 0]}, {md_m: 10, field_nt: *none}]}}", "ascend"),
         ("{faults: [{component: gyro, fault: slow, axis: x}]}", "whole messages"),
         ("{vibration: {random: [{band_hz: [50.0, 10.0]}]}}", "below the highest"),
     ],
 )
-def test_what_cannot_be_is_refused_with_a_reason(text, match):
+def test_what_cannot_be_is_refused_with_its_place_and_reason(text, match):
     with pytest.raises(SettingsError, match=match):
         scenario.parse(text)
 
@@ -91,5 +81,5 @@ def test_a_seed_or_any_setting_can_be_changed():
 def test_errors_of_a_file_name_the_file(tmp_path):
     path = tmp_path / "bad.yaml"
     path.write_text("{sede: 1}")
-    with pytest.raises(SettingsError, match=r"bad\.yaml: sede: no such setting; did you mean seed"):
+    with pytest.raises(SettingsError, match=r"bad\.yaml: sede"):
         scenario.read(path)

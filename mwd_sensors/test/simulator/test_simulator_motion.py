@@ -85,11 +85,8 @@ def test_a_vertical_start_builds_without_a_jump():
 
 
 def test_arcs_pass_through_the_stations():
-    md, inc, azi = (
-        np.array([0.0, 30.0, 60.0, 95.0]),
-        np.radians([2.0, 10.0, 45.0, 91.0]),
-        np.radians([350.0, 10.0, 60.0, 75.0]),
-    )
+    md, inc = np.array([0.0, 30.0, 60.0, 95.0]), np.radians([2.0, 10.0, 45.0, 91.0])
+    azi = np.radians([350.0, 10.0, 60.0, 75.0])
     path = motion.well_path(md, inc, azi)
     tangent = np.stack([np.sin(inc) * np.cos(azi), np.sin(inc) * np.sin(azi), np.cos(inc)], axis=-1)
     for k in range(3):
@@ -102,19 +99,20 @@ def test_arcs_pass_through_the_stations():
         assert_allclose(path.position[k + 1] - path.position[k], step, atol=1e-12)
 
 
-def test_a_path_that_turns_back_or_goes_up_in_depth_is_refused():
-    with pytest.raises(ValueError, match="ascend"):
-        motion.well_path([0.0, 0.0], [0.1, 0.1], [0.0, 0.0])
-    with pytest.raises(ValueError, match="turns back"):
-        motion.well_path([0.0, 10.0], [0.5 * np.pi, 0.5 * np.pi], [0.0, np.pi])
+@pytest.mark.parametrize(
+    ("md", "inc", "azi", "words"),
+    [([0.0, 0.0], [0.1, 0.1], [0.0, 0.0], "ascend"), ([0.0, 10.0], [0.5 * np.pi] * 2, [0.0, np.pi], "turns back")],
+)
+def test_a_path_that_turns_back_or_goes_up_in_depth_is_refused(md, inc, azi, words):
+    with pytest.raises(ValueError, match=words):
+        motion.well_path(md, inc, azi)
 
 
 @pytest.mark.slow
 def test_shocks_leave_neither_velocity_nor_displacement_and_keep_their_area():
     item = Shocks(2.0, (50.0, 100.0), (0.5, 4.0), 15.0)
-    m = moved(
-        Vibrations(shocks=(item,)), (SchedulePhase("drill", 30.0, rpm=0.0, rop_m_h=0.0),), Rig(running_start=True)
-    )
+    phases = (SchedulePhase("drill", 30.0, rpm=0.0, rop_m_h=0.0),)
+    m = moved(Vibrations(shocks=(item,)), phases, Rig(running_start=True))
     assert 40 < len(m.hits.time) < 80
     assert m.hits.displacement.max() <= 0.0155
     k = m.at(0, 60000, 2000.0)
@@ -122,19 +120,16 @@ def test_shocks_leave_neither_velocity_nor_displacement_and_keep_their_area():
     assert np.abs(away).max() < 0.0155
     assert_allclose(away[-1], 0.0, atol=1e-12)
     # Sum of the accelerations times the step is the velocity: no pulse is lost between two instants.
-    assert_allclose(
-        np.cumsum(k.acceleration_n, axis=0)[:-1] / 2000.0, 0.5 * (k.velocity_n[1:] + k.velocity_n[:-1]), atol=0.35
-    )
+    summed = np.cumsum(k.acceleration_n, axis=0)[:-1] / 2000.0
+    assert_allclose(summed, 0.5 * (k.velocity_n[1:] + k.velocity_n[:-1]), atol=0.35)
     assert_allclose(k.acceleration_n.sum(axis=0) / 2000.0, 0.0, atol=1e-9)
     peak = np.linalg.norm(m.at(0, 960000, 32000.0).acceleration_n, axis=1).max()
     assert 85.0 * 9.80665 < peak < 100.5 * 9.80665
 
 
 def test_a_lever_arm_feels_the_centripetal_acceleration():
-    m = moved(
-        Vibrations(), (SchedulePhase("circulate", 20.0, rpm=180.0),), Rig(running_start=True), ((0.0, 90.0, 0.0),)
-    )
-    k = m.at(2000, 400, 2000.0)
+    phases = (SchedulePhase("circulate", 20.0, rpm=180.0),)
+    k = moved(Vibrations(), phases, Rig(running_start=True), ((0.0, 90.0, 0.0),)).at(2000, 400, 2000.0)
     measured, rates = np.empty((400, 3)), np.empty((400, 3))
     lever = np.array([0.0, 0.05, 0.0])
     kinematics.sensed(k, lever, kinematics.EarthAtPlace(np.zeros(3), 9.8, 0.0), rates, measured)

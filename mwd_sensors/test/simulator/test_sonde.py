@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 
 import numpy as np
@@ -14,6 +15,7 @@ from mwd_sensors.simulator import scenario, steering
 from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
+from simulated_sonde import samples_of, simulated
 
 SHORT = {
     "schedule": [
@@ -26,10 +28,19 @@ STILL = {"schedule": [{"kind": "still", "seconds": 4.0, "pumps": False}]}
 IDEAL = {"ahrs": {"grade": "ideal", "output": "sampled"}, "precision": {"grade": "ideal"}}
 
 
-def run(name="default", changes=None, seconds=1.0):
-    sonde = Sonde(scenario.read(SCENARIOS / f"{name}.yaml", changes))
-    blocks = list(sonde.blocks(seconds))
-    return sonde, {topic: np.concatenate([block[topic] for block in blocks]) for topic in wire.SONDE_TOPICS}
+def run(name="default", **changes):
+    samples, sonde = simulated(name, **changes)
+    return sonde, samples
+
+
+def sonde_of(name="default", **changes):
+    return Sonde(scenario.read(SCENARIOS / f"{name}.yaml", changes))
+
+
+@functools.cache
+def short():
+    """The sonde of the short run, and its samples, which no test changes."""
+    return run(**SHORT)
 
 
 @pytest.mark.slow
@@ -49,30 +60,23 @@ def test_the_same_bytes_come_out_whatever_the_block_length(name):
             "clock_jump_at_s": 4.0,
             "clock_jump_s": 9.0,
         }
-    _, whole = run(name, changes, 1.0)
-    for seconds in (0.01, 0.37, 100.0):
-        _, other = run(name, changes, seconds)
+    whole, *others = (samples_of(sonde_of(name, **changes), block_s=seconds) for seconds in (1.0, 0.01, 0.37, 100.0))
+    for other in others:
         for topic in wire.SONDE_TOPICS:
             assert whole[topic].tobytes() == other[topic].tobytes(), topic
 
 
 @pytest.mark.slow
 def test_the_same_seed_is_the_same_run_and_another_is_another():
-    _, first = run(changes=SHORT)
-    _, again = run(changes=SHORT)
-    _, other = run(changes={**SHORT, "seed": 2})
-    assert first["imu/data_raw"].tobytes() == again["imu/data_raw"].tobytes()
-    assert first["imu/data_raw"].tobytes() != other["imu/data_raw"].tobytes()
+    first, again, other = (run(**SHORT, seed=seed)[1]["imu/data_raw"].tobytes() for seed in (1, 1, 2))
+    assert first == again != other
 
 
 @pytest.mark.fault_case(57)
 def test_a_tool_that_is_started_again_has_the_same_motion_and_no_sample_of_before():
     """The estimator took the repeated noise for a buffer sent twice, and marked the sonde faulty for minutes."""
     story = scenario.read(SCENARIOS / "default.yaml", STILL)
-    starts = []
-    for start in range(3):
-        blocks = list(Sonde(story, starts_before=start).blocks(1.0))
-        starts.append({topic: np.concatenate([block[topic] for block in blocks]) for topic in wire.SONDE_TOPICS})
+    starts = [samples_of(Sonde(story, starts_before=start)) for start in range(3)]
     for before, after in itertools.combinations(starts, 2):
         for name in ("position", "orientation"):
             assert before["truth"][name].tobytes() == after["truth"][name].tobytes()
@@ -98,12 +102,11 @@ def test_a_tool_that_is_started_again_has_the_same_motion_and_no_sample_of_befor
 )
 def test_an_old_seed_keeps_its_meaning(topic, field, expected):
     # Recorded once: a change here is a change of every run that people have made, and belongs into the change log.
-    _, out = run(changes=SHORT)
-    assert_allclose(out[topic][field][500], expected, rtol=1e-9)
+    assert_allclose(short()[1][topic][field][500], expected, rtol=1e-9)
 
 
 def test_a_noise_free_sonde_at_rest_is_inverted_to_1e_9():
-    sonde, out = run(changes={**STILL, **IDEAL, "interference": {}})
+    sonde, out = run(**STILL, **IDEAL, interference={})
     imu, mag, truth = out["imu/data_raw"], out["imu/mag"], out["truth"]
     f_t, b_t = imu["linear_acceleration"], mag["magnetic_field"]
     assert_allclose(frames.inclination(f_t), truth["inclination"], atol=1e-9)
@@ -121,8 +124,7 @@ def test_a_noise_free_sonde_at_rest_is_inverted_to_1e_9():
 
 
 def test_noise_free_readings_carry_the_attitude_through_drilling():
-    changes = {**SHORT, "ahrs": {"grade": "ideal"}, "precision": None}
-    sonde, out = run(changes=changes)
+    sonde, out = run(**SHORT, ahrs={"grade": "ideal"}, precision=None)
     truth, imu = out["truth"], out["imu/data_raw"]
     mat_en = frames.mat_from_quat(truth["orientation"])
     dt = 1.0 / sonde.scenario.rate_hz
@@ -141,8 +143,7 @@ def test_noise_free_readings_carry_the_attitude_through_drilling():
 
 @pytest.mark.slow
 def test_the_noise_is_that_of_the_grade():
-    changes = {"schedule": [{"kind": "still", "seconds": 60.0, "pumps": False}]}
-    sonde, out = run(changes=changes)
+    _, out = run(schedule=[{"kind": "still", "seconds": 60.0, "pumps": False}])
     gyro = out["imu/data_raw"]["angular_velocity"]
     # 0.007 deg/s/sqrt(Hz) in the 50 Hz band of samples averaged over 10 ms.
     assert_allclose(np.degrees(np.diff(gyro, axis=0).std(axis=0)) / np.sqrt(2.0), 0.07, rtol=0.06)
@@ -153,11 +154,10 @@ def test_the_noise_is_that_of_the_grade():
     bias = out["truth"]["gyro_bias"].mean(axis=0)
     earth = np.abs(gyro.mean(axis=0) - bias)
     assert earth.max() < 7.3e-5 + 4 * np.radians(0.007 / np.sqrt(60.0))
-    assert sonde.duration == 60.0
 
 
 def test_the_precision_unit_clips_while_the_string_rotates_and_the_ahrs_does_not():
-    _, out = run(changes=SHORT)
+    _, out = short()
     rotating = out["truth"]["activity"] == 2
     x = np.degrees(out["gyro/data_raw"]["angular_velocity"][:, 0])
     assert np.abs(x).max() == pytest.approx(300.0, abs=1e-3)
@@ -167,18 +167,14 @@ def test_the_precision_unit_clips_while_the_string_rotates_and_the_ahrs_does_not
 
 @pytest.mark.slow
 def test_point_samples_are_aliased_and_integrated_ones_are_not():
-    base = {"precision": None}
-    _, integrated = run("bench/drillvib", {**base, "schedule": [{"kind": "drill", "seconds": 20.0, "rop_m_h": 0.0}]})
-    sampled_unit = {"ahrs": {"grade": "mti3_calibrated", "output": "sampled", "lever_mm": [100.0, 0.0, 0.0]}}
-    _, sampled = run(
-        "bench/drillvib", {**base, **sampled_unit, "schedule": [{"kind": "drill", "seconds": 20.0, "rop_m_h": 0.0}]}
-    )
-    spread = [out["imu/data_raw"]["linear_acceleration"][:, 0].std() for out in (integrated, sampled)]
-    assert spread[1] > 1.7 * spread[0]
+    drilled = {"precision": None, "schedule": [{"kind": "drill", "seconds": 20.0, "rop_m_h": 0.0}]}
+    unit = {"grade": "mti3_calibrated", "output": "sampled", "lever_mm": [100.0, 0.0, 0.0]}
+    integrated, sampled = (run("bench/drillvib", **drilled, **ahrs)[1]["imu/data_raw"] for ahrs in ({}, {"ahrs": unit}))
+    assert sampled["linear_acceleration"][:, 0].std() > 1.7 * integrated["linear_acceleration"][:, 0].std()
 
 
 def test_topics_have_their_rates_and_stamps():
-    sonde, out = run(changes=SHORT)
+    sonde, out = short()
     assert sonde.duration == pytest.approx(12.0, abs=4.0)
     count = round(sonde.duration * 100)
     for topic in ("imu/data_raw", "imu/mag", "gyro/data_raw", "truth"):
@@ -196,7 +192,7 @@ def test_topics_have_their_rates_and_stamps():
 
 
 def test_truth_is_one_story():
-    _, out = run(changes=SHORT)
+    _, out = short()
     truth = out["truth"]
     mat_nt = frames.MAT_EN @ frames.mat_from_quat(truth["orientation"])
     assert_allclose(mat_nt[:, 2, :], truth["gravity"], atol=1e-12)
@@ -210,8 +206,7 @@ def test_truth_is_one_story():
 
 
 def test_the_clock_drifts_and_jitters_but_the_rig_s_does_not():
-    changes = {**SHORT, "clock": {"drift_ppm": 100.0, "jitter_us": 50.0}}
-    sonde, out = run(changes=changes)
+    sonde, out = run(**SHORT, clock={"drift_ppm": 100.0, "jitter_us": 50.0})
     nominal = sonde.epoch_ns + np.arange(1, len(out["truth"]) + 1) * 10_000_000
     off = out["imu/data_raw"]["stamp_ns"] - nominal
     assert off[-1] == pytest.approx(sonde.duration * 1e-4 * 1e9, abs=3e5)
@@ -220,8 +215,8 @@ def test_the_clock_drifts_and_jitters_but_the_rig_s_does_not():
 
 
 def test_temperature_rises_with_depth_and_warms_up():
-    changes = {**STILL, "temperature": {"surface_c": 20.0, "gradient_c_km": 1.0, "warm_up_c": 10.0, "warm_up_s": 2.0}}
-    _, out = run(changes=changes)
+    warming = {"surface_c": 20.0, "gradient_c_km": 1.0, "warm_up_c": 10.0, "warm_up_s": 2.0}
+    _, out = run(**STILL, temperature=warming)
     truth = out["truth"]["temperature"]
     # 60 m along a hole that leans by 20 to 32 deg is about 53 m deep.
     assert truth[0] == pytest.approx(20.05, abs=0.1)
@@ -229,7 +224,7 @@ def test_temperature_rises_with_depth_and_warms_up():
 
 
 def test_a_fault_injected_while_running_starts_now_and_ok_ends_it():
-    sonde = Sonde(scenario.read(SCENARIOS / "default.yaml"))
+    sonde = sonde_of()
     blocks = sonde.blocks(0.5)
     next(blocks)
     sonde.inject(Fault("mag", "off"))
@@ -241,15 +236,14 @@ def test_a_fault_injected_while_running_starts_now_and_ok_ends_it():
 
 
 def test_other_rates_run_and_a_zero_block_is_refused():
-    changes = {**SHORT, "rate_hz": 500, "rig_hz": 1}
-    sonde, out = run(changes=changes)
+    sonde, out = run(**SHORT, rate_hz=500, rig_hz=1)
     assert len(out["imu/data_raw"]) == round(sonde.duration * 500)
     with pytest.raises(ValueError, match="positive"):
         next(sonde.blocks(0.0))
 
 
 def test_asked_again_the_sonde_goes_on_where_it_was():
-    sonde = Sonde(scenario.read(SCENARIOS / "default.yaml", SHORT))
+    sonde = sonde_of(**SHORT)
     stamps = [next(sonde.blocks(seconds))["truth"]["stamp_ns"] for seconds in (0.25, 0.03, 2.0)]
     stamps.extend(block["truth"]["stamp_ns"] for block in sonde.blocks(1.0))
     assert np.array_equal(np.diff(np.concatenate(stamps)), np.full(round(sonde.duration * 100) - 1, 10_000_000))
@@ -271,7 +265,7 @@ STEERED = {
 @pytest.mark.slow
 def test_commands_steer_and_are_the_same_run_whatever_the_block_length():
     def run_with(seconds):
-        sonde = Sonde(scenario.read(SCENARIOS / "default.yaml", STEERED))
+        sonde = sonde_of(**STEERED)
         parts, given = [], False
         for block in sonde.blocks(seconds):
             parts.append(block)
@@ -292,20 +286,19 @@ def test_commands_steer_and_are_the_same_run_whatever_the_block_length():
 
 
 def test_a_rig_that_takes_no_commands_says_so():
-    sonde = Sonde(scenario.read(SCENARIOS / "default.yaml", SHORT))
+    sonde = sonde_of(**SHORT)
     with pytest.raises(ValueError, match="does not obey commands"):
         sonde.command(steering.SteeringCommand(steering.HOLD))
 
 
 def test_a_string_that_sticks_by_itself_is_not_shaken_by_the_schedule_too():
     with pytest.raises(ValueError, match="remove stick_slip and hunting"):
-        scenario.read(SCENARIOS / "stick_slip_hell.yaml", {"steering": {}})
+        sonde_of("stick_slip_hell", steering={})
 
 
 def test_in_compressed_time_the_rig_reports_the_rate_of_penetration_and_the_depth_runs_ahead():
-    drilled = {"schedule": [{"kind": "drill", "seconds": 10.0, "rop_m_h": 20.0}], "rig": {"time_lapse": 180.0}}
-    _, samples = run(changes=drilled)
-    rig = samples["rig/state"]
+    schedule = [{"kind": "drill", "seconds": 10.0, "rop_m_h": 20.0}]
+    rig = run(schedule=schedule, rig={"time_lapse": 180.0})[1]["rig/state"]
     depth, hours = rig["bit_depth"], (rig["stamp_ns"] - rig["stamp_ns"][0]) / 3600e9
     assert rig["rate_of_penetration"].max() * 3600.0 == pytest.approx(20.0)
     assert np.diff(depth).max() / np.diff(hours).max() == pytest.approx(180.0 * 20.0)

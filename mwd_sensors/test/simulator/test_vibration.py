@@ -22,13 +22,7 @@ def shaken(vibrations, seconds=60.0, start=0.0, level=1.0, seed=1):
     envelopes[:, 0] = level
     out = np.zeros((vibration_sources.CHANNELS, 3, n))
     drawn = vibration_sources.draw_lines(vibrations, np.random.default_rng(seed))
-    vibration_sources.add_lines(
-        drawn,
-        envelopes,
-        start,
-        1.0 / RATE,
-        out,
-    )
+    vibration_sources.add_lines(drawn, envelopes, start, 1.0 / RATE, out)
     return out
 
 
@@ -65,13 +59,6 @@ def test_velocity_and_acceleration_are_derivatives_of_the_displacement_under_a_c
     vibration_sources.add_lines(drawn, envelopes, 0.0, dt, out)
     assert_allclose(np.gradient(out[:, 0], dt, axis=1)[:, 1:-1], out[:, 1, 1:-1], atol=1e-4)
     assert_allclose(np.gradient(out[:, 1], dt, axis=1)[:, 1:-1], out[:, 2, 1:-1], atol=5e-3)
-
-
-def test_a_block_continues_where_the_last_one_ended():
-    item = Vibrations(random=(RandomVibration((8.0, 300.0), (10.0, 10.0, 10.0)),), hunting=Hunting())
-    whole = shaken(item, 1.0, start=5000.0)
-    second = shaken(item, 0.5, start=5000.5)
-    assert_allclose(whole[:, :, 1000:], second, rtol=1e-7, atol=1e-7)
 
 
 def test_whirl_runs_round_the_hole_against_the_rotation():
@@ -115,18 +102,10 @@ def test_a_sweep_goes_up_and_down_with_constant_acceleration():
 
 
 def test_shocks_are_drawn_only_inside_their_intervals_with_the_asked_sizes():
-    drawn = vibration_sources.draw_hits(
-        (Shocks(2.0, (50.0, 100.0), (0.5, 4.0), 15.0),), {"drilling": [(10.0, 70.0)]}, np.random.default_rng(1)
-    )
+    shocks, intervals = (Shocks(2.0, (50.0, 100.0), (0.5, 4.0), 15.0),), {"drilling": [(10.0, 70.0)]}
+    drawn = vibration_sources.draw_hits(shocks, intervals, np.random.default_rng(1))
     assert 90 < len(drawn.time) < 130
-    assert drawn.time.min() > 10.0
-    assert drawn.time.max() < 70.0
-    assert (drawn.peak / 9.80665).min() > 50.0
-    assert (drawn.peak / 9.80665).max() < 100.0
+    assert ((drawn.time > 10.0) & (drawn.time < 70.0)).all()
+    assert ((drawn.peak / 9.80665 > 50.0) & (drawn.peak / 9.80665 < 100.0)).all()
     assert_allclose(np.linalg.norm(drawn.direction, axis=1), 1.0)
     assert drawn.displacement.max() < 0.0155
-
-
-def test_a_band_upside_down_is_refused():
-    with pytest.raises(ValueError, match="below the highest"):
-        RandomVibration((100.0, 10.0))

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from gravity_runs import Drilled, followed
 
 from mwd_estimation.gravity.bounded import accelerometer_errors
 from mwd_estimation.gravity.bounded import filter as bounded
@@ -36,7 +37,7 @@ def drilled(inclination, rng, speed, n=6000):
     down, (bias, matrix) = mat[:, 2, :], tool_errors(rng)
     force = -G0 * down
     accel = force + force @ matrix.T + bias + 0.05 * rng.standard_normal((n, 3))
-    return (10**7 * np.arange(n, dtype=np.int64), gyro, accel), down
+    return Drilled(10**7 * np.arange(n, dtype=np.int64), gyro, accel, down)
 
 
 @pytest.mark.parametrize("inclination_deg", [10.0, 45.0, 88.0])
@@ -62,13 +63,11 @@ def test_rotation_averages_out_what_is_fixed_across_the_axis_and_nothing_else(in
 
 @pytest.mark.parametrize("speed", [0.0, 12.0])
 def test_the_tilt_follows_a_level_force_within_the_response_time(speed):
-    (stamps, gyro, accel), down = drilled(0.8, np.random.default_rng(3), speed)
-    level = np.cross(down, [1.0, 0.0, 0.0])
+    data = drilled(0.8, np.random.default_rng(3), speed)
+    level = np.cross(data.down, [1.0, 0.0, 0.0])
     level /= np.linalg.norm(level, axis=1)[:, None]
-    late = np.where(np.arange(len(stamps)) >= 4000, 0.005, 0.0)[:, None]
-    without, with_force = (
-        bounded.run(FACTORY, bounded.initial(FACTORY), stamps, gyro, one) for one in (accel, accel + late * level)
-    )
+    late = np.where(np.arange(len(level)) >= 4000, 0.005, 0.0)[:, None]
+    without, with_force = (followed(one, FACTORY) for one in (data, data._replace(accel=data.accel + late * level)))
     tilt = np.linalg.norm(np.cross(without.g_t, with_force.g_t), axis=1) * G0 / 0.005
     reached = 0.01 * (int(np.flatnonzero(tilt > 1.0 - math.exp(-1.0))[0]) - 4000)
     assert tilt[-1] == pytest.approx(1.0, abs=0.05)
@@ -76,8 +75,6 @@ def test_the_tilt_follows_a_level_force_within_the_response_time(speed):
 
 
 def test_a_tool_worse_than_its_figures_widens_sigma():
-    samples, _ = drilled(1.0, np.random.default_rng(5), 9.0, 3000)
-    stated = bounded.BoundedParams(gravity_sigma=0.002)
-    worse = samples[0], samples[1], samples[2] * 1.01
-    good, bad = (bounded.run(stated, bounded.initial(stated), *one).sigma_inclination[-1] for one in (samples, worse))
-    assert bad > 2.0 * good
+    data, stated = drilled(1.0, np.random.default_rng(5), 9.0, 3000), bounded.BoundedParams(gravity_sigma=0.002)
+    good, bad = (followed(data._replace(accel=scale * data.accel), stated) for scale in (1.0, 1.01))
+    assert bad.sigma_inclination[-1] > 2.0 * good.sigma_inclination[-1]

@@ -3,12 +3,12 @@
 
 import numpy as np
 import pytest
-from turned_tool import START, noisy_rates, turned
+from turned_tool import START, noisy_rates, toolface_error, turned
 
 from consistency import consistency
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
-from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_sensors.core.frames import mat_nt
 
 LAG_NS = 20_000_000
 FIELD = 1e-6 * np.array([20.0, 3.0, 45.0])  # T, north-east-down
@@ -48,10 +48,6 @@ def followed(data, size=10**9, params=None):
         parts.append(bounded.run(params, state, stamps[part], gyro[part], accel[part], None, mag))
         used += state.field_used
     return type(parts[0])._make(np.concatenate(column) for column in zip(*parts, strict=True))
-
-
-def toolface_error(track, angle):
-    return wrap_pi(np.arctan2(-track.g_t[:, 1], -track.g_t[:, 2]) - angle)
 
 
 def test_the_field_carries_the_roll_while_the_x_gyro_clips():

@@ -5,14 +5,12 @@ import math
 
 import numpy as np
 import pytest
+from gravity_runs import drilled, error_deg, followed, inclination_error, rms, toolface_error
 
 from consistency import assert_consistent
 from mwd_estimation.gravity.bounded import alignment, clipping
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded.state import TILT, VEL
-from mwd_sensors.simulator import scenario
-from mwd_sensors.simulator.sonde import Sonde
-from project import ROOT
 
 # Every other or third second a slide hits the wall. Means of 20 ms show less of a clipped shock than of the vibration.
 RARE_SHOCKS = {
@@ -28,44 +26,33 @@ RARE_SHOCKS = {
 
 @pytest.mark.slow
 def test_rare_shocks_that_do_not_stand_out_in_long_samples_cost_no_tilt_either():
-    p = bounded.BoundedParams()
     errors, sigmas, directions = [], [], []
     for seed in range(51, 54):
-        sonde = Sonde(scenario.read(ROOT / "bags/scenarios/bench/rot155.yaml", {**RARE_SHOCKS, "seed": seed}))
-        blocks = list(sonde.blocks(5.0))
-        imu = np.concatenate([block["imu/data_raw"] for block in blocks])
-        down = np.concatenate([block["truth"] for block in blocks])["gravity"]
-        got = bounded.run(p, bounded.initial(p), imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
-        late = imu["stamp_ns"] - imu["stamp_ns"][0] > 20_000_000_000
-        inclination = np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0])
-        errors.append((got.inclination - inclination)[late])
+        data = drilled("rot155", **RARE_SHOCKS, seed=seed)
+        got, late = followed(data), data.after(20.0)
+        errors.append(inclination_error(got, data.down)[late])
         sigmas.append(got.sigma_inclination[late])
-        directions.append(np.linalg.norm(np.cross(got.g_t, down), axis=1)[late])
-    assert math.degrees(np.sqrt(np.mean(np.square(directions)))) < 0.06
+        directions.append(error_deg(got, data.down)[late])
+    assert rms(np.array(directions)) < 0.06
     assert_consistent(np.stack(errors), np.stack(sigmas), correlated=True)
 
 
 @pytest.mark.slow(5)
 def test_the_roll_is_followed_through_a_clipping_gyro_in_a_steep_hole():
     """The pull of the sensor's circle is up to sixteen times what gravity has across the axis."""
-    p, errors, sigmas = bounded.BoundedParams(), [], []
+    errors, sigmas = [], []
     for seed, inclination_deg, rate_hz in ((61, 15.0, 100), (62, 30.0, 50), (63, 8.0, 200)):
-        changes = {
-            "seed": seed,
-            "rate_hz": rate_hz,
-            "well": {"stations": [[0.0, inclination_deg, 60.0]]},
-            "schedule": [{"kind": "drill", "seconds": 40.0, "rpm": 225.0, "rop_m_h": 0.0}],
-        }
-        sonde = Sonde(scenario.read(ROOT / "bags/scenarios/bench/gyroclip.yaml", changes))
-        blocks = list(sonde.blocks(5.0))
-        imu = np.concatenate([block["imu/data_raw"] for block in blocks])
-        down = np.concatenate([block["truth"] for block in blocks])["gravity"]
-        got = bounded.run(p, bounded.initial(p), imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
-        every = slice(10 * rate_hz, None, rate_hz // 50)
-        toolface = [np.arctan2(g[every, 1], g[every, 2]) for g in (got.g_t, down)]
-        errors.append(np.arctan2(np.sin(toolface[0] - toolface[1]), np.cos(toolface[0] - toolface[1])))
+        data = drilled(
+            "gyroclip",
+            seed=seed,
+            rate_hz=rate_hz,
+            well={"stations": [[0.0, inclination_deg, 60.0]]},
+            schedule=[{"kind": "drill", "seconds": 40.0, "rpm": 225.0, "rop_m_h": 0.0}],
+        )
+        got, every = followed(data), slice(10 * rate_hz, None, rate_hz // 50)
+        errors.append(toolface_error(got, data.down)[every])
         sigmas.append(got.sigma_toolface[every])
-    assert math.degrees(np.sqrt(np.mean(np.square(errors)))) < 5.0
+    assert math.degrees(rms(np.array(errors))) < 5.0
     assert_consistent(np.stack(errors), np.stack(sigmas), correlated=True)
 
 

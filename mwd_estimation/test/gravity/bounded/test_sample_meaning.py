@@ -6,6 +6,7 @@ import functools
 
 import numpy as np
 import pytest
+from gravity_runs import sensed
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,11 +17,7 @@ from mwd_estimation.gravity.smoother import Smoother
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
-from mwd_sensors.simulator import scenario
-from mwd_sensors.simulator.sonde import Sonde
-from project import ROOT
 
-BENCH = ROOT / "bags" / "scenarios" / "bench"
 STATED = {
     "integrated": bounded.BoundedParams(),
     "means": bounded.BoundedParams(coning=1.0),
@@ -30,24 +27,21 @@ STATED = {
 
 @functools.cache
 def stick_slip(
-    output: str, rate_hz: int, inclination_deg: float, rms: float, seed: int
+    output: str = "sampled", rate_hz: int = 100, inclination_deg: float = 60.0, seed: int = 5
 ) -> tuple[np.ndarray, np.ndarray]:
     """Samples, dtype of `wire.IMU`, and true down of 60 s of stick-slip between 0 and 180 r/min."""
-    changes = {
-        "seed": seed,
-        "rate_hz": rate_hz,
-        "well": {"stations": [[0.0, inclination_deg, 60.0]]},
-        "schedule": [{"kind": "drill", "seconds": 60.0, "rpm": 90.0, "rop_m_h": 0.0}],
-        "vibration": {
-            "random": [{"band_hz": [8.0, 300.0], "acceleration_mps2": [rms] * 3}],
+    return sensed(
+        "stickslip",
+        seed=seed,
+        rate_hz=rate_hz,
+        well={"stations": [[0.0, inclination_deg, 60.0]]},
+        schedule=[{"kind": "drill", "seconds": 60.0, "rpm": 90.0, "rop_m_h": 0.0}],
+        vibration={
+            "random": [{"band_hz": [8.0, 300.0], "acceleration_mps2": [1.0] * 3}],
             "stick_slip": {"frequency_hz": 0.2, "depth": 1.0},
         },
-        "ahrs": {"output": output},
-    }
-    blocks = list(Sonde(scenario.read(BENCH / "stickslip.yaml", changes)).blocks(60.0))
-    imu = np.concatenate([block["imu/data_raw"] for block in blocks])
-    truth = np.concatenate([block["truth"] for block in blocks])
-    return imu, truth["gravity"][np.searchsorted(truth["stamp_ns"], imu["stamp_ns"])]
+        ahrs={"output": output},
+    )
 
 
 def followed(params: bounded.BoundedParams, imu: np.ndarray, cuts: list[int]) -> tuple[bounded.BoundedState, Track]:
@@ -67,7 +61,7 @@ def toolface(down: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("output", ["integrated", "sampled"])
 @pytest.mark.parametrize(("rate_hz", "inclination_deg", "seed"), [(100, 60.0, 5), (50, 20.0, 6), (200, 85.0, 7)])
 def test_points_stated_as_integrated_are_found_when_the_speed_changes(output, rate_hz, inclination_deg, seed):
-    imu, down = stick_slip(output, rate_hz, inclination_deg, 1.0, seed)
+    imu, down = stick_slip(output, rate_hz, inclination_deg, seed)
     state, track = followed(STATED["integrated"], imu, [])
     assert state.samples_are == {"integrated": "", "sampled": "points"}[output]
     late = len(imu) // 2
@@ -77,13 +71,13 @@ def test_points_stated_as_integrated_are_found_when_the_speed_changes(output, ra
 
 @pytest.mark.parametrize("stated", ["means", "points"])
 def test_a_statement_of_points_or_means_is_kept(stated):
-    imu, _ = stick_slip("sampled", 100, 60.0, 1.0, 5)
+    imu, _ = stick_slip()
     assert followed(STATED[stated], imu, [])[0].samples_are == ""
 
 
 @functools.cache
 def in_one_piece() -> tuple[np.ndarray, Track]:
-    imu, _ = stick_slip("sampled", 100, 60.0, 1.0, 5)
+    imu, _ = stick_slip()
     return imu, followed(STATED["integrated"], imu, [])[1]
 
 
@@ -98,26 +92,20 @@ def test_the_meaning_is_found_at_the_same_sample_however_the_stream_is_cut(cuts)
 def test_a_constant_speed_and_rest_contradict_no_statement():
     for params in STATED.values():
         for kind in ({"kind": "drill", "rpm": 90.0, "rop_m_h": 0.0}, {"kind": "still"}):
-            changes = {
-                "schedule": [{"seconds": 30.0, **kind}],
-                "vibration": {"stick_slip": None},
-                "ahrs": {"output": "sampled"},
-            }
-            imu = np.concatenate(
-                [b["imu/data_raw"] for b in Sonde(scenario.read(BENCH / "stickslip.yaml", changes)).blocks(30.0)]
-            )
+            motion = {"schedule": [{"seconds": 30.0, **kind}], "vibration": {"stick_slip": None}}
+            imu, _ = sensed("stickslip", **motion, ahrs={"output": "sampled"})
             assert followed(params, imu, [])[0].samples_are == ""
 
 
 def test_a_restart_of_the_estimate_and_the_smoother_keep_the_meaning():
-    imu, _ = stick_slip("sampled", 100, 60.0, 1.0, 5)
+    imu, _ = stick_slip()
     smoother = Smoother(STATED["integrated"])
     smoother.push(imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
     assert smoother.samples_are == smoother.continued().samples_are == "points"
 
 
 def test_the_pipeline_says_what_it_found():
-    imu, _ = stick_slip("sampled", 100, 60.0, 1.0, 5)
+    imu, _ = stick_slip()
     samples = np.zeros(len(imu), wire.IMU.dtype)
     for name in ("stamp_ns", "angular_velocity", "linear_acceleration"):
         samples[name] = imu[name]
