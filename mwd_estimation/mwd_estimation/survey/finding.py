@@ -117,6 +117,10 @@ class Finding:
         wrong = self.gyro_wrong if broken else 0.0
         return dataclasses.replace(self, density=density, broken=broken, gyro_wrong=wrong)
 
+    def near(self, azimuth: float, sigma: float) -> Finding:
+        """Return the finding with the azimuth of a hole near the station as prior; arguments as in `continued`."""
+        return dataclasses.replace(self, density=self.density * _known(self.angles, azimuth, sigma))
+
 
 def _known(angles: Array, azimuth: float, sigma: float) -> Array:
     """Return the density at angles, per rad, of an azimuth with 1 sigma, rad, plus a small uniform density."""

@@ -3,7 +3,8 @@
 Survey results of a table of readings, computed run by run: for each station a first result and a revision.
 
 The first result of a station uses the stations above it in the table, as a live survey does; its revision uses all
-other stations of the run (`revision`). A station whose field disagrees with the other stations does not affect them.
+other stations of the run (`revision`). A station whose field disagrees with the other stations does not affect them. If
+its azimuth is not accepted, the accepted stations next to it limit the azimuth, because a hole turns little in a stand.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mwd_estimation.core.reference_field import to_north
+from mwd_estimation.core.verdicts import ACCEPT
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.decided_survey import record_of
+from mwd_estimation.survey.finding import Finding
 from mwd_estimation.survey.measurement import Measured, measured
 from mwd_estimation.survey.revision import findings, is_outlier
 from mwd_estimation.survey.run_model import Taken, declination_sigma
@@ -32,6 +35,9 @@ from mwd_surface.surveys.survey_record import SurveyRecord
 # Assumed time between two rows if times are missing, h: the time to drill one stand. The drift of an external field is
 # computed from this time.
 _STAND = 0.5
+# Direction of the hole next to an accepted station: 1 sigma of its change per metre, rad, about what a motor builds at
+# most; and the largest distance, m, at which it is used.
+_DOGLEG, _REACH = math.radians(5.0) / 30.0, 100.0
 # Smallest number of stations for a multi-station analysis.
 _TOGETHER = 3
 
@@ -111,10 +117,13 @@ def _run(rows: list[TableRow], settings: StationSettings, progress: Callable[[fl
     if len(fitting) < len(sound):
         _, others = findings([taken[k] for k in fitting], settings, [first[k] for k in fitting])
         final |= zip(fitting, others, strict=True)
+    revised = [judged(own[k], final.get(k), settings, row.faults) for k, row in enumerate(rows)]
+    for k, finding in final.items():
+        near = _limited(finding, k, rows, revised)
+        if near is not finding:
+            revised[k] = judged(own[k], near, settings, rows[k].faults)
     stations, together = [], _multi_station(own, fitting, settings)
-    for k, row in enumerate(rows):
-        last = final.get(k)
-        station = judged(own[k], last, settings, row.faults)
+    for k, (row, station) in enumerate(zip(rows, revised, strict=True)):
         stations.append(
             TableStation(
                 row.md,
@@ -122,10 +131,28 @@ def _run(rows: list[TableRow], settings: StationSettings, progress: Callable[[fl
                 dataclasses.replace(station, azimuths=(*station.azimuths, *together.get(k, ()))),
                 row.run,
                 judged(own[k], first.get(k), settings, row.faults),
-                is_outlier(last),
+                is_outlier(final.get(k)),
             )
         )
     return stations
+
+
+def _limited(finding: Finding | None, k: int, rows: list[TableRow], stations: list[Station]) -> Finding | None:
+    """Return the finding of row k; if its azimuth is not accepted, with the directions of the stations next to it."""
+    one, depth = stations[k], rows[k].md
+    if finding is None or one.verdicts.azimuth == ACCEPT:
+        return finding
+    for side in (-1.0, 1.0):
+        near = [
+            (side * (row.md - depth), other)
+            for row, other in zip(rows, stations, strict=True)
+            if 0.0 < side * (row.md - depth) <= _REACH and other.verdicts.azimuth == ACCEPT and other.north == one.north
+        ]
+        if near:
+            apart, other = min(near, key=lambda pair: pair[0])
+            turn = min(_DOGLEG * apart / max(math.sin(one.inclination), 1e-3), math.pi)
+            finding = finding.near(other.azimuth, math.hypot(other.sigma_azimuth, turn))
+    return finding
 
 
 def _multi_station(

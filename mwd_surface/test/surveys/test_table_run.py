@@ -151,3 +151,17 @@ def test_a_row_that_cannot_be_read_is_rejected_and_tells_nothing():
     assert found[0].station.azimuth == pytest.approx(without[0].station.azimuth, abs=1e-9)
     with pytest.raises(ValueError, match="there is no column 'Run'"):
         table_rows(table, REFERENCE, run="Run")
+
+
+def test_the_azimuth_beside_steel_is_limited_by_the_accepted_stations_next_to_it():
+    for seed in range(3):
+        rows, azimuth = drawn(seed, steel=(6, 7))
+        beside, alone = (run_stations(some, SETTINGS) for some in (rows, [replace(row, md=math.nan) for row in rows]))
+        for k in range(len(rows)):
+            one, other = beside[k].station, alone[k].station
+            assert abs(wrap_pi(one.azimuth - azimuth[k])) < 3.0 * one.sigma_azimuth
+            if k in (6, 7):
+                assert one.verdict == other.verdict == "doubtful"
+                assert one.sigma_azimuth < 0.9 * other.sigma_azimuth
+            else:
+                assert (one.azimuth, one.sigma_azimuth) == (other.azimuth, other.sigma_azimuth)
