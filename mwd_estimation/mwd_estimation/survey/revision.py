@@ -42,7 +42,8 @@ def findings(
 
     first: findings of the stations when they were taken; None: compute them here, for a run without a gyro.
     newest: number of the last stations to compute again; the stations before keep their finding. None: all stations.
-    progress: called several times, each time with the number of stations that are newly done, which may be a fraction.
+    progress: called several times with the number of stations newly done; a station counts half when it is decided here
+    for the first time, and half when it is decided with all others.
     """
     known = dict(enumerate(first or ()))
     begin = 0 if newest is None else max(len(taken) - newest, 0)

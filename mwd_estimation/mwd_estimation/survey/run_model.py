@@ -112,12 +112,12 @@ class RunModel:
         self._aged: tuple[float, float] | None = None
 
     def copy(self) -> RunModel:
-        """Return an independent copy; of the attitudes and readings of earlier stations, it knows the last attitude."""
+        """Return an independent copy."""
         other = copy.copy(self)
         if self._filter is not None:
             other._filter = copy.copy(self._filter)
             other._filter.state = self._filter.state.copy()
-        other._seen, other._lay, other._told = {}, self._lay[-1:], dict(self._told)
+        other._seen, other._lay, other._told = dict(self._seen), list(self._lay), dict(self._told)
         return other
 
     def take(self, taken: Taken, *, learn: bool = True) -> Finding | None:
@@ -133,6 +133,8 @@ class RunModel:
         """
         Return a copy of the model at the time of a station; if the tool is still at the last station, without this.
 
+        The copy is for the findings of this station only: it does not know the readings and attitudes before.
+
         taken: the station, with hazard and age; turning: last estimates of the run from the turning string.
         """
         other, one = self.copy(), self._record_of(taken)
@@ -144,7 +146,7 @@ class RunModel:
         other._pass_time(model, taken, one)
         if turning is not None:
             other._take_turning(model, turning)
-        other._last = None
+        other._last, other._seen, other._lay = None, {}, []
         return other
 
     def between(self, later: RunModel, taken: Taken) -> RunModel:

@@ -31,7 +31,7 @@ def test_three_numbers_carry_the_covariance_of_the_full_six_state_filter():
             K = np.cross(np.eye(3), u)
             F[:3, :3] = (np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K).T
             F[3:, 3:] = keep * F[:3, :3]
-            Q[:3, :3] = np.eye(3) * (G0 * p.gyro_noise) ** 2 * dt
+            Q[:3, :3] = np.eye(3) * (G0 * p.angle_noise) ** 2 * dt
             Q[3:, 3:] = np.eye(3) * (1 - keep**2) * p.motion**2
         P = F @ P @ F.T + Q
         gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.eye(3) * p.accel_noise**2)

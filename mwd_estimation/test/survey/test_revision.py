@@ -171,6 +171,41 @@ def test_the_number_of_stations_kept_at_a_time_changes_nothing_and_every_station
             np.testing.assert_allclose(one, other, rtol=1e-9)
 
 
+def test_repeated_readings_are_found_however_many_stations_are_kept_at_a_time(monkeypatch):
+    taken = [station(0.5 + 0.1 * k, 2.0 * k, None) for k in range(5)]
+    taken += [taken[4], taken[1]]
+    for block in (320, 3, 2):
+        monkeypatch.setattr(revision, "_BLOCK", block)
+        was, found = findings(taken, SETTINGS)
+        for findings_now in (was, found):
+            assert [one.repeats for one in findings_now] == [None] * 5 + [5, 2]
+
+
+@pytest.mark.parametrize("answers", [(1,), (0,), (0, 2), ()])
+def test_a_gyro_that_answers_at_some_stations_of_one_attitude_leaves_every_result_finite(answers):
+    taken = [station(0.8, 0.3, seek(k) if k in answers else None, noise=1e-9 * k) for k in range(3)]
+    for one, found in revised(taken):
+        assert np.isfinite(found.density).all()
+        assert abs(wrap_pi(one.azimuth - AZIMUTH)) < 3.0 * one.sigma_azimuth
+
+
+def test_a_reference_that_becomes_less_certain_in_the_run_changes_no_unit():
+    rng, taken = np.random.default_rng(8), []
+    for k in range(8):
+        one = station(0.5 + 0.1 * k, 2.0 * k, None, noise=np.array([6e-7, 0.0, 0.0]) + 3e-8 * rng.standard_normal(3))
+        reference = dataclasses.replace(REFERENCE, sigma_total=(40e-9 if k < 4 else 400e-9))
+        measured_now = dataclasses.replace(
+            one.measured, station=dataclasses.replace(one.measured.station, reference=reference)
+        )
+        taken.append(one._replace(measured=measured_now, hours=0.5 * k))
+    for k, (_, found) in enumerate(revised(taken)):
+        model = RunModel(SETTINGS)
+        for other in (*taken[:k], *taken[k + 1 :]):
+            model.learn(other)
+        others = model.take(taken[k], learn=False).circle
+        assert abs(wrap_pi(found.circle.mean - others.mean)) < 0.5 * others.sigma
+
+
 @pytest.mark.slow(5)
 @pytest.mark.parametrize("sigma", [None, 0.02, 0.1])
 def test_a_revision_is_that_of_a_model_that_has_learned_all_other_stations(sigma):

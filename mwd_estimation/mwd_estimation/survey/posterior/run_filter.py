@@ -215,13 +215,15 @@ class RunFilter:
         variance, prior = self._meet(later)
         first, second = self._branched(self.state), self._branched(later.state)
         count, scale = len(prior), np.sqrt(variance)
+        # The nominal sigmas of both models may differ, because each follows from the first reference of its model.
+        unit = np.divide(self.sigma, later.sigma, out=np.ones(SIZE), where=later.sigma > 0.0)
         # Observations by the stations after: value, variance and slopes by the shared errors.
         whitened = second.covariance.reshape(-1, count, SIZE, SIZE) / (scale[:, :, None] * scale[:, None, :])
         size, axes = np.linalg.eigh(whitened)
         used = int((size < _UNKNOWN).sum(axis=-1).max())
         size, axes = np.clip(size[..., :used], _KNOWN, _UNKNOWN), np.swapaxes(axes[..., :used], -1, -2)
         value = (axes @ (second.mean.reshape(-1, count, SIZE) / scale)[..., None])[..., 0] / (1.0 - size)
-        noise, H = size / (1.0 - size), axes / scale[:, None, :]
+        noise, H = size / (1.0 - size), axes * (unit / scale)[:, None, :]
         # Update of each filter before with each filter after of the same kind.
         mean, covariance = first.mean.reshape(-1, 1, count, SIZE), first.covariance.reshape(-1, 1, count, SIZE, SIZE)
         gain = covariance @ np.swapaxes(H, -1, -2)
@@ -252,12 +254,13 @@ class RunFilter:
         """
         Move the gyros of both models to one age; return the prior variances (k, 23) and weights (k,) at this age.
 
-        later: as in `between`.
+        later: as in `between`; the variances are in its nominal variances.
         """
-        variance, prior, adrift = self.filters.variance.copy(), self.filters.weight.copy(), self.filters.adrift
-        if adrift.any():
+        variance, prior, adrift = later.filters.variance.copy(), self.filters.weight.copy(), self.filters.adrift
+        lasting = self.state.lasting if math.isfinite(self.state.lasting) else later.state.lasting
+        # Without a seek that counts, no filter is adrift yet.
+        if adrift.any() and math.isfinite(lasting):
             age = self.state.age
-            lasting = self.state.lasting if math.isfinite(self.state.lasting) else later.state.lasting
             for one in (self, later):
                 if one.state.age != age or not one.state.drifted:
                     one._drift(age, lasting)

@@ -355,8 +355,7 @@ def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Arra
     The present table has one pulse in each window. Another table, or a second tool, has one or two pulses anywhere in a
     window and the gap after it; two pulses have half the size if the response was estimated from syncs that two tools
     sent together. Where no pulse arrives, both have the same likelihood: silence counts neither for nor against the
-    table. The columns are: one pulse, two pulses, and two pulses of half size. The ratios of a combinatorial word are
-    NaN, because its windows overlap.
+    table. The columns are: one pulse, two pulses, and two pulses of half size.
 
     metric: metric of a single pulse at each TU.
     """
