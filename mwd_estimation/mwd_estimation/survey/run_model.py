@@ -115,8 +115,7 @@ class RunModel:
         """Return an independent copy."""
         other = copy.copy(self)
         if self._filter is not None:
-            other._filter = copy.copy(self._filter)
-            other._filter.state = self._filter.state.copy()
+            other._filter = _copied(self._filter, self._filter.state)
         other._seen, other._lay, other._told = dict(self._seen), list(self._lay), dict(self._told)
         return other
 
@@ -131,22 +130,24 @@ class RunModel:
 
     def at(self, taken: Taken, turning: Turning | None = None) -> RunModel:
         """
-        Return a copy of the model at the time of a station; if the tool is still at the last station, without this.
-
-        The copy is for the findings of this station only: it does not know the readings and attitudes before.
+        Return a copy of the model at the time of a station, for the findings of this station only.
 
         taken: the station, with hazard and age; turning: last estimates of the run from the turning string.
         """
         other, one = self.copy(), self._record_of(taken)
         if one is None:
             return other
-        model, place = other._model(taken.measured), other._lay_before(one)
-        if other._last is not None and place is not None and place == len(other._lay) - 1:
-            model.state = other._last.before.copy()
+        model, last, place = other._model(taken.measured), other._last, other._lay_before(one)
+        again = place is not None and place == len(other._lay) - 1
+        other._last, other._seen, other._lay = None, {}, []
+        if again and last is not None:
+            # The tool is still at the last station: the azimuth is found without it.
+            without = _copied(model, last.before)
+            other._pass_time(without, taken, one)
+            other._last, other._lay = _Last(one, None, without.state), [_directions(one)]
         other._pass_time(model, taken, one)
         if turning is not None:
             other._take_turning(model, turning)
-        other._last, other._seen, other._lay = None, {}, []
         return other
 
     def between(self, later: RunModel, taken: Taken) -> RunModel:
@@ -157,8 +158,16 @@ class RunModel:
         taken: the station, with hazard and age.
         """
         other, after = self.copy(), later.at(taken)
-        if other._filter is not None and after._filter is not None:
-            other._filter.state = other._filter.between(after._filter)
+        if other._filter is None or after._filter is None:
+            return other
+        last = other._last or after._last
+        if last is not None:
+            first, second = (
+                _copied(filters, filters.state if side._last is None else side._last.before)
+                for side, filters in ((other, other._filter), (after, after._filter))
+            )
+            other._last, other._lay = last._replace(before=first.between(second)), [_directions(last.row)]
+        other._filter.state = other._filter.between(after._filter)
         other._agreed |= after._agreed
         return other
 
@@ -392,6 +401,13 @@ class RunModel:
             mount=mount,
             repeats=repeats,
         )
+
+
+def _copied(model: RunFilter, state: RunState) -> RunFilter:
+    """Return filters like those of a model, in a copy of a state."""
+    other = copy.copy(model)
+    other.state = state.copy()
+    return other
 
 
 def _directions(one: Row) -> tuple[Array, Array]:

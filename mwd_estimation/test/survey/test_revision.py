@@ -206,6 +206,18 @@ def test_a_reference_that_becomes_less_certain_in_the_run_changes_no_unit():
         assert abs(wrap_pi(found.circle.mean - others.mean)) < 0.5 * others.sigma
 
 
+def test_the_string_and_mount_are_known_from_other_stations_of_the_same_attitude_but_not_the_azimuth():
+    axial = np.array([6e-7, 0.0, 0.0])
+    taken = [station(0.8, 0.3, None, noise=axial + 1e-9 * k)._replace(hours=0.5 * k) for k in range(2)]
+    for k, (_, found) in enumerate(revised(taken)):
+        model = RunModel(SETTINGS)
+        model.learn(taken[1 - k])
+        others = model.take(taken[k], learn=False)
+        assert found.axial == pytest.approx(others.axial, rel=0.05)
+        assert found.mount == pytest.approx(others.mount, rel=0.15)
+        assert found.circle.sigma == pytest.approx(others.circle.sigma, rel=0.05)
+
+
 @pytest.mark.slow(5)
 @pytest.mark.parametrize("sigma", [None, 0.02, 0.1])
 def test_a_revision_is_that_of_a_model_that_has_learned_all_other_stations(sigma):

@@ -441,12 +441,18 @@ class RunFilter:
         return found
 
     def shared(self) -> tuple[Array, Array]:
-        """Return mean and covariance of the shared errors over all filters, SI with fields in uT; (23,), (23, 23)."""
-        state = self._of_filters(self.state)
-        weight = np.exp(state.log_weight)
-        mean = weight @ state.mean
-        off = state.mean - mean
-        covariance = np.tensordot(weight, state.covariance, axes=1) + (off.T * weight) @ off
+        """
+        Return mean and covariance of the shared errors over all filters, SI with fields in uT; (23,), (23, 23).
+
+        A change of the string near the station counts only if it is the most probable case.
+        """
+        state, count = self._of_filters(self.state), len(self.filters.weight)
+        cases = np.exp(state.log_weight).reshape(-1, count)
+        likeliest = int(np.argmax(cases.sum(axis=1)))
+        weight, case = cases[likeliest] / cases[likeliest].sum(), slice(likeliest * count, (likeliest + 1) * count)
+        mean = weight @ state.mean[case]
+        off = state.mean[case] - mean
+        covariance = np.tensordot(weight, state.covariance[case], axes=1) + (off.T * weight) @ off
         return mean * self.sigma, covariance * np.outer(self.sigma, self.sigma)
 
     def nominal_sigma(self, one: Row, angle: float) -> float:
