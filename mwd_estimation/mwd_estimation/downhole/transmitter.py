@@ -494,7 +494,7 @@ def _of_attitude(row: Samples, reference: Reference | None) -> Readings:
             found[quantity] = StampedValue(value, sigma, stamp)
         elif math.isfinite(sigma) and turn is not None:
             found[quantity] = StampedValue((value + turn) % math.tau, sigma, stamp)
-    # Near vertical there is no high side, so the toolface is measured from magnetic north.
+    # Near the vertical the high side is not defined; the toolface is measured from magnetic north.
     automatic = meanings.MAGNETIC_TOOLFACE if status & Status.NEAR_VERTICAL else meanings.GRAVITY_TOOLFACE
     if automatic in found:
         found[meanings.TOOLFACE] = found[automatic]

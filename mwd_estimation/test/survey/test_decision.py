@@ -46,7 +46,7 @@ def decision(faults=None):
 
 
 def by_gyro(azimuth, sigma=0.01, *, limit=None, inclination=0.8, method="still", refused=None, **more):
-    """What a north seek of a minute gives."""
+    """Return the solution of a north seek of a minute."""
     return Solution(refused, method, azimuth, sigma, inclination, 0.0, 60.0, limit or sigma, **more)
 
 

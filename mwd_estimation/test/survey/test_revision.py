@@ -43,6 +43,14 @@ def live(taken):
     return [(judged(one.measured, found, SETTINGS), found) for one in taken for found in (model.take(one),)]
 
 
+def by_all_others(taken, k):
+    """Return the finding of station k by a model that has learned all other stations one after the other."""
+    model = RunModel(SETTINGS)
+    for other in (*taken[:k], *taken[k + 1 :]):
+        model.learn(other)
+    return model.take(taken[k], learn=False)
+
+
 def revised(taken):
     model = RunModel(SETTINGS)
     return [
@@ -199,10 +207,7 @@ def test_a_reference_that_becomes_less_certain_in_the_run_changes_no_unit():
         )
         taken.append(one._replace(measured=measured_now, hours=0.5 * k))
     for k, (_, found) in enumerate(revised(taken)):
-        model = RunModel(SETTINGS)
-        for other in (*taken[:k], *taken[k + 1 :]):
-            model.learn(other)
-        others = model.take(taken[k], learn=False).circle
+        others = by_all_others(taken, k).circle
         assert abs(wrap_pi(found.circle.mean - others.mean)) < 0.5 * others.sigma
 
 
@@ -210,9 +215,7 @@ def test_the_string_and_mount_are_known_from_other_stations_of_the_same_attitude
     axial = np.array([6e-7, 0.0, 0.0])
     taken = [station(0.8, 0.3, None, noise=axial + 1e-9 * k)._replace(hours=0.5 * k) for k in range(2)]
     for k, (_, found) in enumerate(revised(taken)):
-        model = RunModel(SETTINGS)
-        model.learn(taken[1 - k])
-        others = model.take(taken[k], learn=False)
+        others = by_all_others(taken, k)
         assert found.axial == pytest.approx(others.axial, rel=0.05)
         assert found.mount == pytest.approx(others.mount, rel=0.15)
         assert found.circle.sigma == pytest.approx(others.circle.sigma, rel=0.05)
@@ -229,10 +232,7 @@ def test_a_revision_is_that_of_a_model_that_has_learned_all_other_stations(sigma
         noise = np.array([6e-7, 0.0, 0.0]) + 3e-8 * rng.standard_normal(3)
         taken.append(station(0.5 + 0.1 * k, 2.0 * k, north, noise=noise)._replace(hours=0.5 * k))
     for k, (_, found) in enumerate(revised(taken)):
-        model = RunModel(SETTINGS)
-        for other in (*taken[:k], *taken[k + 1 :]):
-            model.learn(other)
-        others = model.take(taken[k], learn=False).circle
+        others = by_all_others(taken, k).circle
         assert abs(wrap_pi(found.circle.mean - others.mean)) < 0.3 * others.sigma
         assert 0.8 < found.circle.sigma / others.sigma < 1.25
 

@@ -29,7 +29,7 @@ def _bins(seconds, force=(-6.0, 0.0, 7.75), rate=(0.0, 0.0, 0.0), *, noise=1e-3,
 
 
 def _results(survey, bins, reason=None):
-    """What the survey returns for each bin; reason: what it waits for."""
+    """Return the result of the survey after each bin; reason: why it waits."""
     return [survey.add(BinSet(one), reason) for one in bins]
 
 

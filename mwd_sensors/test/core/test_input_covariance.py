@@ -101,7 +101,7 @@ def test_a_first_sample_that_was_clipped_states_the_noise_of_its_other_axes():
 
 
 def not_credible(stated, rates, still):
-    """What of samples with these rates and this stated variance is not credible."""
+    """Return the reasons why samples with these rates and this stated variance are not credible."""
     samples, watch = imu(diagonal(*[stated] * 3), n=200), NoiseWatch()
     samples["angular_velocity"] = rates
     for part in np.array_split(samples, 70):

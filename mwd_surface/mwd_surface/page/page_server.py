@@ -72,7 +72,7 @@ def words_handler(default: str) -> Callable[[web.Request], Awaitable[web.Respons
     Raises
     ------
     ValueError
-        There is no catalogue for the default language.
+        The default language has no catalogue.
     """
     language(default)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture keeps of a long recording: peaks, densities and deviations, whatever the blocks; gaps are left out."""
+"""A picture of a long recording keeps peaks, densities and deviations, however it is cut; it leaves gaps out."""
 
 import numpy as np
 import pytest

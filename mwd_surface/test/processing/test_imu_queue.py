@@ -41,7 +41,7 @@ def test_without_smoothing_a_block_waits_for_the_next():
 
 
 def _smoothed(imu, cuts):
-    """What a queue gives of samples that come in parts: all of it, and the samples and gravity of the whole."""
+    """Return the parts that a queue gives for samples that come in parts, and the joined samples and gravity."""
     queue, out = ImuQueue(BoundedParams()), []
     for part in np.split(imu, cuts):
         out += queue.done()
