@@ -118,7 +118,11 @@ class Finding:
         return dataclasses.replace(self, density=density, broken=broken, gyro_wrong=wrong)
 
     def near(self, azimuth: float, sigma: float) -> Finding:
-        """Return the finding with the azimuth of a hole near the station as prior; arguments as in `continued`."""
+        """
+        Return the finding with the azimuth of a neighbouring station of the same hole as prior.
+
+        azimuth: from the same north, rad; sigma: its 1 sigma at this station, with the possible turn between, rad.
+        """
         return dataclasses.replace(self, density=self.density * _known(self.angles, azimuth, sigma))
 
 

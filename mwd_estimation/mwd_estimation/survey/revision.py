@@ -24,7 +24,7 @@ from mwd_estimation.survey.station_settings import StationSettings
 
 # A station with a larger probability of an external field is an outlier of its run.
 _OUTLIER = 0.5
-# Number of seeks before which the model is kept at a time: with a gyro, some 50 MB.
+# Number of models kept in memory at a time, one before each seek: with a gyro, about 50 MB.
 _BLOCK = 320
 
 
@@ -36,12 +36,13 @@ def findings(
     progress: Callable[[float], None] | None = None,
 ) -> tuple[list[Finding | None], list[Finding | None]]:
     """
-    Return the findings of the stations of a run: when they were taken, and computed with all other stations.
+    Return two findings of each station of a run: from the stations before it, and from all other stations.
 
     Stations with repeated readings keep their first finding, and are not used for other stations.
 
-    first: findings of the stations when they were taken; None: compute them here, for a run without a gyro.
-    newest: number of the last stations to compute again; the stations before keep their finding. None: all stations.
+    first: findings of the first kind; None: compute them here, which is possible only for a run without a gyro.
+    newest: number of last stations to compute again (with their whole seek); the others keep their first finding. None:
+    all stations.
     progress: called several times with the number of stations newly done; a station counts half when it is decided here
     for the first time, and half when it is decided with all others.
     """

@@ -172,7 +172,7 @@ class RunModel:
         return other
 
     def merge(self) -> None:
-        """Prepare a model from `between` for stations at other times than its own."""
+        """Merge the filters after `between`, before stations at other times are learned or judged with the model."""
         if self._filter is not None:
             self._filter.merge()
 

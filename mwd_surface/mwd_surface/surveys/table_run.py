@@ -118,8 +118,9 @@ def _run(rows: list[TableRow], settings: StationSettings, progress: Callable[[fl
         _, others = findings([taken[k] for k in fitting], settings, [first[k] for k in fitting])
         final |= zip(fitting, others, strict=True)
     revised = [judged(own[k], final.get(k), settings, row.faults) for k, row in enumerate(rows)]
+    by_themselves = list(revised)
     for k, finding in final.items():
-        near = _limited(finding, k, rows, revised)
+        near = _limited(finding, k, rows, by_themselves)
         if near is not finding:
             revised[k] = judged(own[k], near, settings, rows[k].faults)
     stations, together = [], _multi_station(own, fitting, settings)
@@ -138,7 +139,7 @@ def _run(rows: list[TableRow], settings: StationSettings, progress: Callable[[fl
 
 
 def _limited(finding: Finding | None, k: int, rows: list[TableRow], stations: list[Station]) -> Finding | None:
-    """Return the finding of row k; if its azimuth is not accepted, with the directions of the stations next to it."""
+    """Return the finding of row k; unless its azimuth is accepted, the nearest accepted stations limit it."""
     one, depth = stations[k], rows[k].md
     if finding is None or one.verdicts.azimuth == ACCEPT:
         return finding

@@ -51,7 +51,8 @@ _IMPOSSIBLE = -50.0
 _NEVER = math.log(1e-300)
 # Probability above which a state of the gyro counts as the state at a station. Later stations use these counts.
 _DECIDED = 0.9
-# Limits of a variance of the shared errors, as a share of the prior one, between which it counts as an observation.
+# Variances after the later stations, as shares of the prior ones, are clipped to these limits; where all filters exceed
+# the upper one, an axis is no observation.
 _KNOWN, _UNKNOWN = 1e-9, 0.99
 # Indices of the errors that the string causes; they get new values when the string is changed.
 _STRING = [*range(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3), Shared.FIELD_RATE]
@@ -204,9 +205,10 @@ class RunFilter:
 
         Both models are at the time of the station; `later` learned its stations in reverse order. The ratio of a
         Gaussian of `later` to the prior is the likelihood of the shared errors by the stations after (two-filter
-        smoother; D. C. Fraser, J. E. Potter, IEEE Trans. Automatic Control 14, 1969). Along the principal axes of the
-        covariance that has the prior as its unit, it is a set of independent observations, with which the filter
-        before is updated. If the string may have changed before or after the station, a filter has up to four parts.
+        smoother; D. C. Fraser, J. E. Potter, IEEE Trans. Automatic Control 14, 1969). In units of the prior sigmas,
+        along the principal axes of the covariance of `later`, this ratio is a set of independent observations; they
+        update each filter of this model. If the string may have changed before the station, after it, or both, the
+        result has a part of each filter for each of these cases (up to four).
         """
         for one, other in ((self, later), (later, self)):
             if other.filters.adrift.any():
@@ -252,9 +254,9 @@ class RunFilter:
 
     def _meet(self, later: RunFilter) -> tuple[Array, Array]:
         """
-        Move the gyros of both models to one age; return the prior variances (k, 23) and weights (k,) at this age.
+        Move the gyros of both models to the age of this one; return prior variances (k, 23) and weights (k,) there.
 
-        later: as in `between`; the variances are in its nominal variances.
+        later: as in `between`; the variances are in squares of its nominal sigmas.
         """
         variance, prior, adrift = later.filters.variance.copy(), self.filters.weight.copy(), self.filters.adrift
         lasting = self.state.lasting if math.isfinite(self.state.lasting) else later.state.lasting
@@ -444,7 +446,8 @@ class RunFilter:
         """
         Return mean and covariance of the shared errors over all filters, SI with fields in uT; (23,), (23, 23).
 
-        A change of the string near the station counts only if it is the most probable case.
+        After `between`, only the filters of the most probable case count: string unchanged, or changed on one side of
+        the station or on both.
         """
         state, count = self._of_filters(self.state), len(self.filters.weight)
         cases = np.exp(state.log_weight).reshape(-1, count)
@@ -543,7 +546,7 @@ def _merged(weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array
 
 
 def _between(before: Array | None, after: Array | None) -> Array | None:
-    """Return the probabilities of the external fields at the stations before and after, averaged; None without both."""
+    """Return the mean probabilities of the external fields at both neighbours, or the known ones; None: neither."""
     known = [one for one in (before, after) if one is not None]
     return np.mean(known, axis=0) if known else None
 
