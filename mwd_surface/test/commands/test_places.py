@@ -13,7 +13,7 @@ from mwd_surface.processing import process
 from mwd_surface.runs import simulate
 from mwd_surface.surveys.recorded_settings import recorded_settings
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(1.5)
 
 STORY = """
 name: s

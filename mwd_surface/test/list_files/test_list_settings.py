@@ -78,7 +78,7 @@ COMMANDS = {
 FEW = ("plain", "unit", "columns")
 
 
-@pytest.mark.slow(0.6)
+@pytest.mark.slow(0.3)
 @pytest.mark.parametrize(
     ("name", "command"),
     [

@@ -143,7 +143,7 @@ def run(well, waiting, seconds):
         well.state()
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(5)
 @pytest.mark.parametrize("source", ["direct", "mud"])
 def test_the_state_of_a_well_holds_as_much_after_hours_of_stream_as_after_minutes(source):
     settings = dataclasses.replace(SMALL, link=LinkSettings(source))
