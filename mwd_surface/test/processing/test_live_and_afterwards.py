@@ -23,9 +23,9 @@ from project import ROOT, SCENARIOS
 pytestmark = pytest.mark.slow(1.5)
 
 SCHEDULE = [
-    {"kind": "still", "seconds": 15.0, "pumps": False},
-    {"kind": "drill", "seconds": 22.0, "rpm": 120.0, "rop_m_h": 60.0},
-    {"kind": "still", "seconds": 15.0, "pumps": False},
+    {"kind": "still", "seconds": 14.0, "pumps": False},
+    {"kind": "drill", "seconds": 14.0, "rpm": 120.0, "rop_m_h": 60.0},
+    {"kind": "still", "seconds": 14.0, "pumps": False},
 ]
 # Each kind of failure once, of any sensor: most from the first sample on, some within or after the first survey. In the
 # gate every sensor, samples that are missing, unusable, late and wrong, and a fault that begins later.
