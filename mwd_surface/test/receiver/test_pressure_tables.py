@@ -435,7 +435,7 @@ def test_json_that_would_need_far_more_memory_than_its_size_is_refused_by_name(t
         pressure_files.read(tmp_path / "p.json")
 
 
-@settings(max_examples=15)
+@settings(max_examples=settings().max_examples // 3)
 @given(
     st.sampled_from(
         [

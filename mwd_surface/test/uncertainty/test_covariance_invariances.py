@@ -32,7 +32,7 @@ INC = np.radians(np.interp(MD, [0, 300, 500, 600, 750, 900], [0, 0, 28, 28, 0, 0
 AZI = np.full(MD.size, math.radians(115.0))
 VERTICAL = np.sin(INC) < 1e-9
 azimuths = st.floats(0.0, 2.0 * math.pi)
-bounded = settings(max_examples=20, deadline=None)
+bounded = settings(max_examples=settings().max_examples // 3, deadline=None)
 
 
 def covariance(inc=INC, azi=AZI, code="MWD+SRGM", north=North.GRID, reference=REFERENCE, md=MD):
