@@ -135,9 +135,11 @@ EVENTS = {
 
 # Names of events that happen in one run.
 TOGETHER = [
-    ("asked for before the first survey", "rotary twice", "rejected, and a survey at its depth"),
+    (
+        *("asked for before the first survey", "asked for twice", "accepted before it is withdrawn", "rotary twice"),
+        *("rejected, and a survey at its depth", "decided again and again", "after the last sample"),
+    ),
     ("several at a station", "rotary", "refused"),
-    ("asked for twice", "accepted before it is withdrawn", "decided again and again", "after the last sample"),
     ("restart",),
 ]
 # Under a wrong mount the surveys are withdrawn, which meets what people asked for.
