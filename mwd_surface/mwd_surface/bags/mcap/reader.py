@@ -346,9 +346,9 @@ class McapFile:
                     return False
                 if len(prefix) < PREFIX:
                     return cut_off and not sure
-                if not sure:
-                    # The damage may be in the length of this record instead of the length of the record before.
-                    length = _FIXED.get(opcode, length)
+                if not sure and (length ^ _FIXED.get(opcode, length)).bit_count() == 1:
+                    # The wrong bit may be in the length of this record instead of the length of the record before.
+                    length = _FIXED[opcode]
                 if length < _SHORTEST.get(opcode, 0) or length != _FIXED.get(opcode, length):
                     return False
                 if opcode == Opcode.CHUNK and length <= self.size - at - PREFIX:

@@ -115,6 +115,20 @@ def test_whatever_stands_behind_the_place_where_writing_ended_no_message_is_chan
     assert most > 100
 
 
+def test_a_byte_like_an_opcode_behind_a_torn_message_does_not_make_it_whole(tmp_path):
+    record(tmp_path / "bag", 50, compression="").close()
+    data = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
+    everything = messages(tmp_path / "bag" / "bag_0.mcap")
+    _, _, torn = everything[25]
+    end, random = data.index(torn) + len(torn), np.random.default_rng(33)
+    for opcode in range(1, 16):
+        behind = random.bytes(100) + bytes([opcode]) + random.bytes(4096)
+        (tmp_path / "cut.mcap").write_bytes(data[: end - 100] + behind)
+        recovery.recover_file(tmp_path / "cut.mcap", tmp_path / "saved.mcap")
+        assert 20 <= len(messages(tmp_path / "saved.mcap")) < 26, opcode
+        assert set(messages(tmp_path / "saved.mcap")) <= set(everything), opcode
+
+
 @pytest.mark.slow
 def test_bit_flips_and_overwritten_blocks_never_raise_and_never_invent_a_message(whole, tmp_path):
     data = (whole / "bag_0.mcap").read_bytes()
