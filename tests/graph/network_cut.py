@@ -20,8 +20,11 @@ from lossy_network import LossyNetwork
 from mwd_surface.surveys.survey_store import decoded
 
 CUT_S = float(sys.argv[2])
+# Few samples: the network is tested here, and most of the time of the nodes goes by the number of messages.
 STORY = """
 name: cut
+rate_hz: 25
+precision: null
 place: {latitude_deg: 38.3, longitude_deg: 109.6}
 well: {stations: [[0.0, 30.0, 40.0], [200.0, 36.0, 47.0]], bit_m: 33.0, sensor_to_bit_m: 3.0}
 schedule:
@@ -52,7 +55,7 @@ def main() -> None:
         # Its network is its own from here on: the others get one that nothing disturbs.
         del graph.environment["LD_PRELOAD"]
         estimator = graph.start("estimator", "w1", **running_graph.PLACE)
-        sonde = graph.start("sonde", "w1", scenario=folder / "story.yaml", rate=6.0, wait_for_listener_s=60.0)
+        sonde = graph.start("sonde", "w1", scenario=folder / "story.yaml", rate=4.0, wait_for_listener_s=60.0)
 
         def watched(true, within, what):
             def look():
