@@ -55,7 +55,7 @@ def main() -> None:
         # Its network is its own from here on: the others get one that nothing disturbs.
         del graph.environment["LD_PRELOAD"]
         estimator = graph.start("estimator", "w1", **running_graph.PLACE)
-        sonde = graph.start("sonde", "w1", scenario=folder / "story.yaml", rate=4.0, wait_for_listener_s=60.0)
+        sonde = graph.start("sonde", "w1", scenario=folder / "story.yaml", rate=6.0, wait_for_listener_s=60.0)
 
         def watched(true, within, what):
             def look():
