@@ -26,9 +26,9 @@ PULSE_WIDTH = COMMANDS.index("pulse_width")
 
 
 def shorter(folder):
-    """Write the scenario with half the samples and a survey that is taken and sent sooner; return its path."""
+    """Write the scenario with a quarter of the samples and a survey that is taken and sent sooner; return its path."""
     story = yaml.safe_load(SCENARIO.read_text())
-    story["rate_hz"], story["schedule"][0]["seconds"] = 50, 20.0
+    story["rate_hz"], story["schedule"][0]["seconds"] = 25, 20.0
     story["telemetry"]["tool"]["transmit_delay_s"] = 15.0
     (folder / "story.yaml").write_text(yaml.safe_dump(story))
     return folder / "story.yaml"
