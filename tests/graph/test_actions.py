@@ -11,7 +11,7 @@ import pytest
 import running_graph
 from running_graph import until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(2)]
 
 SETTINGS = {
     "tool__precision__gyro__noise_deg_sqrt_h": 0.01,

@@ -17,7 +17,7 @@ from mwd_surface.runs import launch_plan
 from mwd_surface.runs.supervise import Order, Supervisor
 from running_graph import LOOK, PLACE, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(12)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(8)]
 WELL = "w1"
 # Few samples: the processes are tested here, and most of their time goes by the number of messages.
 STORY = """

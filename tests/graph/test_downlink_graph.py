@@ -17,7 +17,7 @@ from mwd_surface.downlink.machine import DownlinkState
 from mwd_surface.runs import launch_plan
 from running_graph import until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(30)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(17)]
 
 RATE = 4.0
 SCENARIO = Path(__file__).parents[2] / "bags" / "scenarios" / "telemetry_downlink.yaml"

@@ -12,7 +12,7 @@ import running_graph
 from project import SCENARIOS
 from running_graph import CALL, LOOK, PLACE, sections, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(15)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(8)]
 RATE, FLOOD = 10_000, 80_000
 
 FAULT = (

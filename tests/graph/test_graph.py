@@ -41,7 +41,7 @@ from running_graph import CALL, LOOK, PLACE, messages_of, samples_of, until
 SCENARIO = Path(__file__).parent / "scenarios" / "short.yaml"
 TOKEN = "a-long-secret"  # noqa: S105
 LISTENS = {"enabled": True, "port": 0}
-pytestmark = [pytest.mark.ros, pytest.mark.slow(5)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(2)]
 
 
 class Talk:

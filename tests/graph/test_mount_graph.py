@@ -19,7 +19,7 @@ from mwd_surface.processing import process
 from mwd_surface.runs import simulate
 from running_graph import MWD, PLACE, samples_of
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(7)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(5)]
 
 SCENARIO = """
 name: mounted

@@ -23,7 +23,7 @@ from mwd_surface.runs import simulate
 from mwd_surface.surveys.survey_source import surveys_of
 from running_graph import PLACE, samples_of, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(20)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(17)]
 
 SCENARIO = """
 name: probe

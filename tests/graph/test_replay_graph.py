@@ -17,7 +17,7 @@ from mwd_sensors.simulator.scenario import read
 from mwd_surface.runs import simulate
 from running_graph import CALL, PLACE, samples_of, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(17)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(13)]
 
 SCENARIO = """
 name: loop

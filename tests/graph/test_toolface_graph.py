@@ -22,7 +22,7 @@ RATE = 3.0  # s of the run in a second
 UNSTEERED = 12.0  # s of the run before the controller comes
 HELD = 20.0  # s of the run
 NOTICED = 3.0  # s
-pytestmark = [pytest.mark.ros, pytest.mark.slow(7)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(6)]
 
 
 class Controller:

@@ -12,7 +12,7 @@ from mwd_surface.runs import launch_plan
 from project import ROOT
 from running_graph import CALL, MWD, PLACE, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(15)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(11)]
 LINK = ROOT / "tests" / "graph" / "scenarios" / "two_links.yaml"
 RECORDING = ROOT / "bags" / "golden" / "stations" / "bag"
 
