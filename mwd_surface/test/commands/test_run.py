@@ -110,7 +110,7 @@ def test_two_wells_run_side_by_side_and_end_with_their_tables(start, tmp_path):
 
 @pytest.mark.slow(8)
 def test_nothing_is_left_when_the_command_itself_is_killed(start):
-    process = start()
+    process = start("--no-rig")
     line_with(process, "http://")
     nodes = nodes_of(process)
     process.kill()
@@ -133,7 +133,7 @@ def test_a_wrong_word_is_refused_before_anything_starts(tmp_path, monkeypatch, w
 
 @pytest.mark.slow(5)
 def test_a_method_that_does_not_exist_ends_the_run_and_no_node_stays(start):
-    process = start("--method", "s4")
+    process = start("--no-rig", "--method", "s4")
     _, err = process.communicate(timeout=240)
     assert process.returncode == 1
     assert "s4" in err
