@@ -139,7 +139,7 @@ def live_states(bag, surface, moments):
     return states
 
 
-@pytest.mark.slow(6)
+@pytest.mark.slow(3)
 def test_the_viewer_shows_what_the_live_page_showed(recorded):
     path, surface = recorded
     with Bag(path) as bag:

@@ -153,7 +153,7 @@ DONE = {
 }
 
 
-@pytest.mark.slow(11)
+@pytest.mark.slow(9)
 def test_a_recording_shows_depths_by_hand_decisions_and_legs_as_the_page_did(tmp_path, monkeypatch):
     # The surface writes the report anew at each change of the list. No part of a report is compared here, and drawing
     # it takes longer than all the rest.

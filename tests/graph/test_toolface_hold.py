@@ -55,7 +55,7 @@ def closed_loop(wanted, seed, silent_from=math.inf):
     return np.array(times), np.array(errors), commands, sonde, controller
 
 
-@pytest.mark.slow(7)
+@pytest.mark.slow(5)
 def test_a_string_that_sticks_and_slips_is_brought_to_a_toolface_and_held_within_10_degrees():
     times, errors, commands, sonde, _ = closed_loop(math.radians(200.0), 8)
     before = sonde.scenario.schedule[0].rpm * 6.0
