@@ -37,6 +37,8 @@ EXECUTABLES = {
 MWD = (sys.executable, "-P", "-m", "mwd_surface.cli")
 # Limits in seconds are those of an idle machine; they end what hangs, and are no claim on speed.
 PATIENCE = 4.0
+# Seconds between two looks at a page: a page with all its tables costs the surface some milliseconds.
+LOOK = 0.25
 PLACE = {"place.field": "model", "place.lat_deg": 38.3, "place.lon_deg": 109.6}
 
 # For scripts that tests run as a node of their own, since a process has one middleware domain for good.
@@ -51,6 +53,23 @@ def call(node, kind, name, /, **fields):
         rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)
         if future.done(): return future.result()
     raise AssertionError(f"{name} does not answer")
+"""
+
+
+# Runs commands of `mwd` one after the other in one process, which imports them once; prints status and output of each.
+COMMANDS = """
+import contextlib, io, json, sys
+from mwd_surface.cli import main
+said = []
+for words in json.loads(sys.argv[1]):
+    sys.argv, printed, status = ["mwd", *words], io.StringIO(), 0
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+        try:
+            main()
+        except SystemExit as end:
+            status = end.code or 0
+    said.append([status, printed.getvalue()])
+print(json.dumps(said))
 """
 
 
@@ -110,6 +129,11 @@ class Graph:
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout.splitlines()[-1])
 
+    def commands(self, *commands: str) -> list[tuple[int, str]]:
+        """Run commands of `mwd` one after the other; return the exit status and the output of each."""
+        words = json.dumps([command.split() for command in commands])
+        return [(status, printed) for status, printed in self.report(COMMANDS, words)]
+
     def active(self, *names: str) -> None:
         """Wait until nodes are active."""
         for name in names:
@@ -155,14 +179,14 @@ def graph(folder: Path) -> Iterator[Graph]:
                 process.wait()
 
 
-def until(true: Callable[[], Any], within: float, what: str) -> Any:
-    """Wait for something to become true; fail with what it was."""
+def until(true: Callable[[], Any], within: float, what: str, every: float = 0.05) -> Any:
+    """Wait for something to become true, with a look every so many seconds; fail with what it was."""
     end = time.monotonic() + PATIENCE * within
     while time.monotonic() < end:
         value = true()
         if value:
             return value
-        time.sleep(0.05)
+        time.sleep(every)
     raise AssertionError(f"not within {PATIENCE * within} s: {what}")
 
 

@@ -39,13 +39,17 @@ from mwd_surface.surveys.survey_list import SurveyList
 from page_states import differences, exact
 from project import ROOT
 
-# In the gate one of each kind of link and detector, and a tool that drills and fails; a tool without faults is seen
-# through real nodes by `test_viewer_graph.py`. The other scenarios differ from these in motion, hole, noise and steel.
+# In the gate one of each kind of link (EM beside pulses, in two links) and detector, and a tool that drills and fails;
+# a tool without faults is seen through real nodes by `test_viewer_graph.py`. The other scenarios differ from these in
+# motion, hole, ground, noise and steel.
 SCENARIOS = (
-    *("faults", "coil_link", "gamma_landing", "telemetry_downlink", "telemetry_em_clay"),
+    *("faults", "coil_link", "gamma_landing", "telemetry_downlink"),
     *("telemetry_serial", "telemetry_siren", "telemetry_two_links"),
 )
-OTHERS = ("default", "demo", "near_polar", "s3_rotation", "sliding", "tumble", "vertical", "telemetry_shallow")
+OTHERS = (
+    *("default", "demo", "near_polar", "s3_rotation", "sliding", "tumble", "vertical"),
+    *("telemetry_em_clay", "telemetry_shallow"),
+)
 WELL = "/w1/"
 DIRECT_S, LINK_S = 45.0, 110.0  # of each run: at rest, drilling, and over a link a survey's words
 MOMENTS = 5
@@ -135,7 +139,7 @@ def live_states(bag, surface, moments):
     return states
 
 
-@pytest.mark.slow(6)
+@pytest.mark.slow(3)
 def test_the_viewer_shows_what_the_live_page_showed(recorded):
     path, surface = recorded
     with Bag(path) as bag:

@@ -20,8 +20,11 @@ from lossy_network import LossyNetwork
 from mwd_surface.surveys.survey_store import decoded
 
 CUT_S = float(sys.argv[2])
+# Few samples: the network is tested here, and most of the time of the nodes goes by the number of messages.
 STORY = """
 name: cut
+rate_hz: 25
+precision: null
 place: {latitude_deg: 38.3, longitude_deg: 109.6}
 well: {stations: [[0.0, 30.0, 40.0], [200.0, 36.0, 47.0]], bit_m: 33.0, sensor_to_bit_m: 3.0}
 schedule:

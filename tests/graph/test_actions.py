@@ -11,7 +11,7 @@ import pytest
 import running_graph
 from running_graph import until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(2)]
 
 SETTINGS = {
     "tool__precision__gyro__noise_deg_sqrt_h": 0.01,
@@ -63,6 +63,9 @@ def pump(count):
         sinks["gyro/data_raw"].publish(wire.IMU.encode(imu, "sonde_link")[0].tobytes())
         sinks["imu/data_raw"].publish(wire.IMU.encode(imu, "sonde_link")[0].tobytes())
 
+def pump_for(seconds):  # of samples
+    for _ in range(round(seconds * RATE / 5)): pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+
 def wait(future, feed=True, also=lambda: True, within=120.0):
     end = time.monotonic() + within
     while not (future.done() and also()):
@@ -88,8 +91,7 @@ north, rotary = ActionClient(node, NorthSeek, "north_seek"), ActionClient(node, 
 assert north.wait_for_server(30.0) and rotary.wait_for_server(30.0)
 status, result, _ = ask(north, NorthSeek.Goal(), feed=False)
 reported["silent"] = status, result.message
-end = time.monotonic() + 3
-while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+pump_for(10.0)
 status, result, feedback = ask(north, NorthSeek.Goal(duration=40.0))
 reported["north"] = status, result.success, result.azimuth, result.sigma, result.method, result.message
 reported["progress"] = [(f.elapsed, f.remaining, f.sigma) for f in feedback]
@@ -107,8 +109,7 @@ reported["first"] = wait(first.get_result_async()).status
 status, result, _ = ask(rotary, RotarySurvey.Goal(duration=8.0))
 reported["at rest"] = status, result.message
 state["rate"] = 6.0
-end = time.monotonic() + 2
-while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+pump_for(6.0)
 status, result, feedback = ask(rotary, RotarySurvey.Goal(duration=12.0))
 s = result.survey
 reported["rotary"] = status, result.message, s.kind, s.inclination, s.azimuth, s.covariance[8], len(feedback)
@@ -120,13 +121,11 @@ table.publish(SurveyList(records=[SurveyRecord(survey=Survey(sequence=n)) for n 
 state["rate"] = 0.0
 asked = node.create_client(TakeSurvey, "take_survey")
 assert asked.wait_for_service(120.0)
-end = time.monotonic() + 2
-while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+pump_for(6.0)
 answer = wait(asked.call_async(TakeSurvey.Request(duration=3.0)))
 reported["numbered"] = answer.success, answer.sequence, answer.message
 state["k"] = 0
-end = time.monotonic() + 1
-while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+pump_for(4.0)
 answer = wait(asked.call_async(TakeSurvey.Request(duration=3.0)))
 reported["again"] = answer.success, answer.sequence, answer.message
 print(json.dumps(reported))

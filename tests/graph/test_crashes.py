@@ -15,12 +15,15 @@ import running_graph
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs import launch_plan
 from mwd_surface.runs.supervise import Order, Supervisor
-from running_graph import PLACE, until
+from running_graph import LOOK, PLACE, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(12)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(8)]
 WELL = "w1"
+# Few samples: the processes are tested here, and most of their time goes by the number of messages.
 STORY = """
 name: crashes
+rate_hz: 25
+precision: null
 place: {latitude_deg: 38.3, longitude_deg: 109.6}
 well: {stations: [[0.0, 30.0, 40.0], [2000.0, 36.0, 47.0]], bit_m: 33.0, sensor_to_bit_m: 3.0}
 schedule:
@@ -66,7 +69,7 @@ class Well:
             sections = self.sections()
             return sections if sections is not None and true(sections) else None
 
-        return until(look, PATIENCE_S, what)
+        return until(look, PATIENCE_S, what, LOOK)
 
     @contextlib.contextmanager
     def standing_still(self, *nodes):
@@ -117,9 +120,11 @@ def seen(tmp_path_factory):
             with well.standing_still("sonde", "estimator"):
                 well.kill("surface")
                 time.sleep(STANDSTILL_S)
-            until(lambda: well.sections() is None, PATIENCE_S, "no page")
+            until(lambda: well.sections() is None, PATIENCE_S, "no page", LOOK)
             facts["after surface"] = well.shows(
-                lambda s: attitude(s) == "live" and s["recorder"]["state"] == "recording", "the surface is back"
+                # The recorder is not known before the first state of the well.
+                lambda s: attitude(s) == "live" and (s["recorder"] or {}).get("state") == "recording",
+                "the surface is back",
             )
             until(
                 lambda: "recovered in run" in (folder / "surface.log").read_text(), PATIENCE_S, "a recovered recording"

@@ -2,12 +2,11 @@
 """A downlink among real nodes: a command makes the tool's pulses narrower, and the receiver follows it."""
 
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 import running_graph
 from mwd_sensors.simulator.scenario import read
@@ -18,7 +17,7 @@ from mwd_surface.downlink.machine import DownlinkState
 from mwd_surface.runs import launch_plan
 from running_graph import until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(30)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(17)]
 
 RATE = 4.0
 SCENARIO = Path(__file__).parents[2] / "bags" / "scenarios" / "telemetry_downlink.yaml"
@@ -26,23 +25,20 @@ RPM = math.pi / 30.0
 PULSE_WIDTH = COMMANDS.index("pulse_width")
 
 
-def mwd(graph, *words):
-    """Run a command of the terminal in the graph: its exit status and output."""
-    done = subprocess.run(
-        [sys.executable, "-m", "mwd_surface.cli", "downlink", *words],
-        env=graph.environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=360,
-    )
-    return done.returncode, done.stdout + done.stderr
+def shorter(folder):
+    """Write the scenario with a quarter of the samples and a survey that is taken and sent sooner; return its path."""
+    story = yaml.safe_load(SCENARIO.read_text())
+    story["rate_hz"], story["schedule"][0]["seconds"] = 25, 20.0
+    story["telemetry"]["tool"]["transmit_delay_s"] = 15.0
+    (folder / "story.yaml").write_text(yaml.safe_dump(story))
+    return folder / "story.yaml"
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("downlink")
-    story = read(SCENARIO)
+    scenario = shorter(folder)
+    story = read(scenario)
     tool_file = folder / "tool.yaml"
     tool_file.write_text(tool_configuration.text(story.telemetry.tool))
     reference = {key.replace(".", "__"): value for key, value in launch_plan.reference_parameters(story).items()}
@@ -62,19 +58,16 @@ def run(tmp_path_factory):
         estimator = graph.start("estimator", "w1", transmit__tool_file=tool_file, **reference)
         for name in (surface, receiver, estimator):
             until(lambda name=name: ": active" in graph.log(name), 120, f"{name} is active")
-        sonde = graph.start("sonde", "w1", scenario=SCENARIO, rate=RATE, wait_for_listener_s=20.0)
+        sonde = graph.start("sonde", "w1", scenario=scenario, rate=RATE, wait_for_listener_s=20.0)
         # Asked for while the tool sends its first survey, which proves the tool's table before the command is granted.
-        answers = [
-            mwd(graph, "send", "pulse_width", "0.4", "--name", "Ann"),
-            mwd(graph, "send", "pulse_width", "0.5", "--name", "Ann"),
-            mwd(graph, "grant", "1"),
-            mwd(graph, "grant", "9", "--name", "Bo"),
-        ]
+        answers = graph.commands(
+            "downlink send pulse_width 0.4 --name Ann",
+            "downlink send pulse_width 0.5 --name Ann",
+            "downlink grant 1",
+            "downlink grant 9 --name Bo",
+        )
         until(lambda: "survey 1 received" in graph.log(receiver), 120, "a survey over the link")
-        answers += [
-            mwd(graph, "grant", "1", "--name", "Bo"),
-            mwd(graph, "send", "survey_now", "--name", "Ann"),
-        ]
+        answers += graph.commands("downlink grant 1 --name Bo", "downlink send survey_now --name Ann")
         until(
             lambda: any(f"1: {word}" in graph.log(surface) for word in ("confirmed", "unconfirmed", "aborted")),
             240,

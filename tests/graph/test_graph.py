@@ -24,22 +24,24 @@ from rosbags.highlevel import AnyReader
 from test_foxglove_graph import watch
 
 import running_graph
+from invoked_command import invoke
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.settings import changed
 from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.cli import app
 from mwd_surface.rig.modbus.map import StatusBit
 from mwd_surface.rig.status import FILE_NAME, read_status
 from mwd_surface.surveys.survey_source import surveys_of
 from project import ROOT
 from recorded_launch import processes
-from running_graph import CALL, MWD, PLACE, messages_of, samples_of, until
+from running_graph import CALL, LOOK, PLACE, messages_of, samples_of, until
 
 SCENARIO = Path(__file__).parent / "scenarios" / "short.yaml"
 TOKEN = "a-long-secret"  # noqa: S105
 LISTENS = {"enabled": True, "port": 0}
-pytestmark = [pytest.mark.ros, pytest.mark.slow(5)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(2)]
 
 
 class Talk:
@@ -178,15 +180,15 @@ def played(tmp_path_factory):
         def shown(section):
             return running_graph.sections(page).get(section, {})
 
-        until(lambda: take_survey(page), 30, "the estimator's service is there")
-        facts["without sonde"] = until(lambda: shown("survey_progress").get("result"), 20, "a result")
+        until(lambda: take_survey(page), 30, "the estimator's service is there", LOOK)
+        facts["without sonde"] = until(lambda: shown("survey_progress").get("result"), 20, "a result", LOOK)
         sonde = graph.start("sonde", arguments=words["sonde"])
-        facts["taking"] = until(lambda: (now := shown("survey_progress")).get("active") and now, 60, "a survey")
+        facts["taking"] = until(lambda: (now := shown("survey_progress")).get("active") and now, 60, "a survey", LOOK)
         facts["viewed"], times = asyncio.run(watch(viewer, "/w1/imu/data_raw", 200))
         assert times == []
         until(lambda: "survey 1 in use" in graph.log(surface), 90, "first survey")
-        until(lambda: shown("surveys")["rows"], 10, "the survey is on the page")
-        until(lambda: "survey 1" in shown("survey_progress")["result"], 10, "what came of the survey")
+        until(lambda: shown("surveys")["rows"], 10, "the survey is on the page", LOOK)
+        until(lambda: "survey 1" in shown("survey_progress")["result"], 10, "what came of the survey", LOOK)
         facts["page"] = running_graph.sections(page)
         facts["reported"] = talk.first()
         facts["rig file"] = folder / "data" / "w1" / FILE_NAME
@@ -198,7 +200,7 @@ def played(tmp_path_factory):
             return running_graph.sections(page) if alarmed and not shown("plan")["name"] else None
 
         # Files are read beside the node's work.
-        facts["page without plan"] = until(without_plan, 20, "the page without plan")
+        facts["page without plan"] = until(without_plan, 20, "the page without plan", LOOK)
         until(lambda: "scenario is over" in graph.log(sonde), 90, "the scenario is over")
         until(lambda: "survey: survey 2" in graph.log(surface), 30, "second survey")
         facts["shut down"] = talk.last()
@@ -438,8 +440,7 @@ def test_processing_the_recording_gives_the_bits_that_were_published_live(played
 
 
 def test_processing_the_recording_without_options_gives_the_survey_list_that_was_kept_live(played, tmp_path):
-    words = [*MWD, "process", str(played["bag"]), "-o", str(tmp_path / "out")]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=True)
+    done = invoke(app, "process", played["bag"], "-o", tmp_path / "out")
     live, processed = surveys_of(played["bag"].parents[1])[0], surveys_of(tmp_path / "out")[0]
     assert [r.survey.sequence for r in processed.records] == [r.survey.sequence for r in live.records]
     for ours, theirs in zip(processed.records, live.records, strict=True):

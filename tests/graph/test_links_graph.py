@@ -23,7 +23,7 @@ from mwd_surface.receiver.link import receivers
 from mwd_surface.ros.topics import OF_TOOL
 from running_graph import PLACE, messages_of
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(6)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(4)]
 
 SCENARIO = Path(__file__).parent / "scenarios" / "two_links.yaml"
 WIRED = ToolConfiguration(

@@ -19,15 +19,16 @@ from mwd_surface.processing import process
 from mwd_surface.runs import simulate
 from running_graph import MWD, PLACE, samples_of
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(7)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(5)]
 
 SCENARIO = """
 name: mounted
+rate_hz: 50
 seed: 5
 date: 2026-03-01T06:00:00
 place: {latitude_deg: 38.3, longitude_deg: 109.6}
 well: {stations: [[0.0, 30.0, 40.0], [60.0, 30.0, 40.0]], bit_m: 33.0, sensor_to_bit_m: 3.0}
-schedule: [{kind: still, seconds: 14.0, pumps: false}, {kind: drill, seconds: 30.0, rpm: 120.0, rop_m_h: 20.0}]
+schedule: [{kind: still, seconds: 14.0, pumps: false}, {kind: drill, seconds: 16.0, rpm: 120.0, rop_m_h: 20.0}]
 """
 Z_DOWN, Y_UP = PRESETS["z-down"], PRESETS["y-up"]
 SETTINGS = changed(EstimatorSettings(), PLACE)

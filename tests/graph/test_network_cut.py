@@ -14,7 +14,7 @@ CUT_S = 25.0  # more than a participant of the middleware may be silent before t
 
 
 @pytest.mark.ros
-@pytest.mark.slow(40)
+@pytest.mark.slow(27)
 @pytest.mark.fault_case(54)
 def test_a_cut_network_costs_no_survey_and_doubles_none(tmp_path):
     done = subprocess.run(

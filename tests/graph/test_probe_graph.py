@@ -23,10 +23,11 @@ from mwd_surface.runs import simulate
 from mwd_surface.surveys.survey_source import surveys_of
 from running_graph import PLACE, samples_of, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(20)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(17)]
 
 SCENARIO = """
 name: probe
+rate_hz: 50
 seed: 8
 date: 2026-03-01T06:00:00
 place: {latitude_deg: 38.3, longitude_deg: 109.6}
@@ -44,12 +45,13 @@ precision: {grade: tactical_north, changes: {flags_clipping: true, accelerometer
 
 MTI = """
 name: mti
+rate_hz: 50
 date: 2026-03-01T06:00:00
 place: {latitude_deg: 38.3, longitude_deg: 109.6}
 well: {stations: [[0.0, 30.0, 40.0]]}
 schedule:
   - {kind: drill, seconds: 10.0, rpm: 120.0, rop_m_h: 20.0}
-  - {kind: still, seconds: 40.0, pumps: false}
+  - {kind: still, seconds: 18.0, pumps: false}
   - {kind: drill, seconds: 4.0, rpm: 120.0, rop_m_h: 20.0}
 vibration:
   random: [{band_hz: [8.0, 300.0], acceleration_mps2: [3.0, 3.0, 3.0]}]

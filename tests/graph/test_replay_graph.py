@@ -17,10 +17,11 @@ from mwd_sensors.simulator.scenario import read
 from mwd_surface.runs import simulate
 from running_graph import CALL, PLACE, samples_of, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(17)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(13)]
 
 SCENARIO = """
 name: loop
+rate_hz: 50
 seed: 5
 date: 2026-03-01T06:00:00
 place: {latitude_deg: 38.3, longitude_deg: 109.6}
@@ -101,5 +102,5 @@ def test_each_round_of_a_loop_and_what_follows_a_seek_equal_a_fresh_start(tmp_pa
     assert rounds[1][DOUBTED:].tobytes() == fresh[DOUBTED:].tobytes()
     assert (rounds[1]["status"][:DOUBTED] & Status.REJECTED > 0).all()
     (sought,) = (one for one in rounds if one["stamp_ns"][0] == first + 4_000_000_000)
-    assert len(sought) == 400
+    assert len(sought) == 200
     assert sought[DOUBTED:].tobytes() == estimated(bag, sought["stamp_ns"][0])[DOUBTED:].tobytes()

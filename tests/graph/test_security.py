@@ -41,7 +41,7 @@ def open_in_a_well(folder):
     scenario = ROOT / "bags" / "scenarios" / "telemetry_shallow.yaml"
     with running_graph.graph(folder) as graph:
         names = [
-            graph.start("sonde", "w1", scenario=scenario, wait_for_listener_s=600.0),
+            graph.start("sonde", "w1", scenario=scenario, rate=0.1, wait_for_listener_s=600.0),
             graph.start("estimator", "w1"),
             graph.start("surface", "w1", **surface),
             graph.start("probe", "w2", port="/dev/null"),

@@ -11,11 +11,12 @@ from running_graph import graph
 pytestmark = [pytest.mark.ros, pytest.mark.slow(8)]
 STORY = """
 name: one
+rate_hz: 50
 place: {latitude_deg: 38.3, longitude_deg: 109.6}
 well: {stations: [[0.0, 30.0, 40.0], [60.0, 36.0, 47.0]], bit_m: 33.0, sensor_to_bit_m: 3.0}
 schedule:
   - {kind: drill, seconds: 5.0, rpm: 120.0, rop_m_h: 20.0}
-  - {kind: still, seconds: 20.0, pumps: false}
+  - {kind: still, seconds: 16.0, pumps: false}
   - {kind: drill, seconds: 5.0, rpm: 120.0, rop_m_h: 20.0}
 """
 

@@ -20,9 +20,9 @@ HERE = Path(__file__).parent
 WANTED_DEG = 60.0
 RATE = 3.0  # s of the run in a second
 UNSTEERED = 12.0  # s of the run before the controller comes
-HELD = 30.0  # s of the run
+HELD = 20.0  # s of the run
 NOTICED = 3.0  # s
-pytestmark = [pytest.mark.ros, pytest.mark.slow(7)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(6)]
 
 
 class Controller:
@@ -120,7 +120,7 @@ def test_the_toolface_is_held_within_10_degrees_of_the_wanted_one(steered):
     assert np.abs(np.diff(error[unsteered][::100])).max() > 30.0
     begins, ends = steered["held"]
     held = np.abs(error[(stamps > begins) & (stamps < ends)])
-    assert len(held) > 2000
+    assert len(held) > 1300
     assert held.max() < 10.0
 
 

@@ -12,7 +12,7 @@ from mwd_surface.runs import launch_plan
 from project import ROOT
 from running_graph import CALL, MWD, PLACE, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(15)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(11)]
 LINK = ROOT / "tests" / "graph" / "scenarios" / "two_links.yaml"
 RECORDING = ROOT / "bags" / "golden" / "stations" / "bag"
 
@@ -74,29 +74,20 @@ def link(graph, folder):
     return (surface, receiver, estimator, sonde), (receiver, surface, estimator, sonde)
 
 
-def replayed(graph, folder):
-    """A recording in a loop, and the estimator that listens to it."""
-    estimator = graph.start("estimator", "w1", **PLACE)
-    surface = graph.start("surface", "w1", folder=folder / "data", page__port=0)
-    graph.active(estimator, surface)
-    replay = graph.start("replay", "w1", bag=RECORDING, loop=True, sensors_only=True)
-    graph.active(replay)
-    return (surface, estimator, replay), (replay, surface)
-
-
-def probe(graph, folder):
-    """A probe on a serial line that an emulator plays a recording into."""
+def recordings(graph, folder):
+    """A probe on a serial line that an emulator plays a recording into, and a replay of this recording in a loop."""
     estimator = graph.start("estimator", "w1", **PLACE)
     graph.active(estimator)
     line = folder / "line"
     graph.begin("emulator", *MWD, "emulate", RECORDING, "--protocol", "binary", "--link", line, "--wait")
     until(line.exists, 60, "the line is there")
-    node = graph.start("probe", "w1", port=line, protocol="binary", clock="unit")
-    graph.active(node)
-    return (estimator, node), (node,)
+    probe = graph.start("probe", "w1", port=line, protocol="binary", clock="unit")
+    replay = graph.start("replay", "w1", bag=RECORDING, loop=True, sensors_only=True)
+    graph.active(probe, replay)
+    return (estimator, probe, replay), (probe, replay)
 
 
-@pytest.mark.parametrize("start", [one_process, link, replayed, probe])
+@pytest.mark.parametrize("start", [one_process, link, recordings])
 def test_a_node_goes_through_its_transitions_while_the_others_send(tmp_path, start):
     with running_graph.graph(tmp_path) as graph:
         processes, names = start(graph, tmp_path)

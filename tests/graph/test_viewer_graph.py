@@ -19,15 +19,17 @@ from mwd_surface.page.state_json import StateJson
 from mwd_surface.runs.player import Player, namespace_of, recorded_surface
 from mwd_surface.trajectory.plan_file import read_plan
 from page_states import differences
+from project import SCENARIOS
 from running_graph import until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(11)]
 
 TOKEN = "look-twice-first"  # noqa: S105
 # The ellipses are computed in the background, on a busy machine for seconds.
 EXCEPT = ("path.ellipses",)
-RUNS = {"demo": ("--rate", "1"), "telemetry_deep": ("--rate", "10")}
-SECONDS = 16.0
+# Pace of each scenario, and its samples in a second: most of the time of the nodes goes by the number of messages.
+RUNS = {"demo": (2, 50), "telemetry_deep": (10, 25)}
+STATES, EVERY_S = 20, 0.5
 
 
 def get(address, name):
@@ -53,7 +55,9 @@ def operate(address, name, **given):
 def run(request, tmp_path_factory):
     """States of the page of a run, and its recording."""
     folder = tmp_path_factory.mktemp(request.param)
-    words = [request.param, *RUNS[request.param], "--no-rig", "--token", TOKEN, "-o", str(folder / "out")]
+    (rate, rate_hz), story = RUNS[request.param], folder / f"{request.param}.yaml"
+    story.write_text((SCENARIOS / story.name).read_text() + f"rate_hz: {rate_hz}\n")
+    words = [str(story), "--rate", str(rate), "--no-rig", "--token", TOKEN, "-o", str(folder / "out")]
     command = [sys.executable, "-P", "-m", "mwd_surface.cli", "run", *words]
     states = []
     with (folder / "log").open("w") as log:
@@ -65,15 +69,15 @@ def run(request, tmp_path_factory):
         depth = get(address, "state.json")["sections"]["rig"]["bit_depth"]["value"]
         answer = operate(address, "set_depth", bit_depth=depth + 8.0, operator_name="Ann")
         assert answer["ok"], answer
-        ends = time.monotonic() + SECONDS
-        while time.monotonic() < ends and graph.poll() is None:
+        while len(states) < STATES:
             states.append(get(address, "state.json"))
             for alarm in states[-1]["sections"]["alarms"]["rows"][:1]:
                 operate(address, "acknowledge_alarm", id=alarm["id"], operator_name="Ann")
-            time.sleep(0.7)
+            time.sleep(EVERY_S)
     finally:
         graph.send_signal(signal.SIGINT)
-        graph.wait(120)
+        ended = graph.wait(120)
+    assert (ended, "Traceback" in (folder / "log").read_text()) == (0, False)
     (bag,) = (folder / "out/well_1/bags").glob("well_1_*")
     return bag, states
 
@@ -82,6 +86,7 @@ def test_the_viewer_shows_what_the_page_showed(run):
     path, states = run
     compared = 0
     with Bag(path) as bag:
+        assert bag.complete
         named = recorded_surface(bag).plan
         plan = read_plan(Path(named.file), given=named.given()) if named.file else None
         player = Player(bag, namespace_of(bag), plan=plan)

@@ -15,13 +15,16 @@ from pathlib import Path
 
 import pytest
 
+from invoked_command import invoke
 from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.cli import app
+from mwd_surface.runs.supervise import Supervisor
 
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
-pytestmark = [pytest.mark.ros, pytest.mark.slow(15)]
+pytestmark = pytest.mark.ros
 
 SCENARIO = (
-    "name: brief\nschedule: [{kind: still, seconds: 24.0}]\n"
+    "name: brief\nrate_hz: 50\nschedule: [{kind: still, seconds: 18.0}]\n"
     "well: {stations: [[0.0, 40.0, 70.0]], bit_m: 103.0, plan: [[0.0, 0.0, 0.0], [200.0, 40.0, 70.0]]}\n"
     "interference: {axial_nt: 1500.0}\nsurface: {advisory.toolface_deg: 40.0, leg.tie_on_depth: 50.0}\n"
 )
@@ -66,6 +69,7 @@ def line_with(process, words):
     raise AssertionError(process.stderr.read())
 
 
+@pytest.mark.slow(35)
 @pytest.mark.fault_case(56)
 def test_two_wells_run_side_by_side_and_end_with_their_tables(start, tmp_path):
     first = start("--well", "a", "--rate", 2)
@@ -104,29 +108,9 @@ def test_two_wells_run_side_by_side_and_end_with_their_tables(start, tmp_path):
             socket.create_connection(("127.0.0.1", port), 5.0)
 
 
-def test_an_interrupt_ends_everything_in_order(start, tmp_path):
-    process = start("--rate", 1)
-    page = re.search(r"http://\S+", line_with(process, "http://"))[0]
-    with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(f"{page}state.json") as answer:
-        shown = json.load(answer)["sections"]
-    assert shown["plan"]["name"] == "brief.csv"
-    assert shown["toolface"]["advisory"]["toolface"] == pytest.approx(math.radians(40.0))
-    assert shown["path"]["measured_depth"][:1] == [50.0]
-    assert len(nodes_of(process)) >= 2
-    time.sleep(1.0)  # some samples to record
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=120)
-    assert process.returncode == 0, err
-    assert "Traceback" not in out + err
-    assert nodes_of(process) == []
-    with pytest.raises(OSError):
-        urllib.request.build_opener(urllib.request.ProxyHandler({})).open(page, timeout=2.0)
-    with Bag(next((tmp_path / "out").glob("*/well_1/bags/*well_1"))) as bag:
-        assert bag.complete
-
-
+@pytest.mark.slow(8)
 def test_nothing_is_left_when_the_command_itself_is_killed(start):
-    process = start()
+    process = start("--no-rig")
     line_with(process, "http://")
     nodes = nodes_of(process)
     process.kill()
@@ -138,28 +122,43 @@ def test_nothing_is_left_when_the_command_itself_is_killed(start):
     assert nodes_of(process) == []
 
 
-def test_a_wrong_word_is_refused_before_anything_starts(start, tmp_path):
-    for words, sentence in ((("--well", "7 b"), "--well"), (("--rate", -1), "--rate"), (("--method", "s4"), "s4")):
-        process = start(*words)
-        _, err = process.communicate(timeout=240)
-        assert process.returncode in (1, 2)
-        assert sentence in err
-        assert "Traceback" not in err
-        assert nodes_of(process) == []
+@pytest.mark.parametrize(("words", "sentence"), [(("--well", "7 b"), "--well"), (("--rate", -1), "--rate")])
+def test_a_wrong_word_is_refused_before_anything_starts(tmp_path, monkeypatch, words, sentence):
+    (tmp_path / "brief.yaml").write_text(SCENARIO)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Supervisor, "start", lambda *_: pytest.fail("a node was started"))
+    with pytest.raises(ValueError, match=sentence):
+        invoke(app, "run", "brief.yaml", *words)
+
+
+@pytest.mark.slow(5)
+def test_a_method_that_does_not_exist_ends_the_run_and_no_node_stays(start):
+    process = start("--no-rig", "--method", "s4")
+    _, err = process.communicate(timeout=240)
+    assert process.returncode == 1
+    assert "s4" in err
+    assert "Traceback" not in err
+    assert nodes_of(process) == []
 
 
 # A magnetometer that fails for a while in a tool whose gyros go on with the azimuth.
 FAILING = (
-    "name: brief\nschedule: [{kind: still, seconds: 14.0}, {kind: drill, seconds: 13.0, rpm: 60.0, rop_m_h: 360.0}, "
-    "{kind: still, seconds: 14.0}]\nwell: {stations: [[0.0, 40.0, 70.0], [150.0, 40.0, 70.0]], bit_m: 103.0}\n"
+    "name: brief\nrate_hz: 50\n"
+    "schedule: [{kind: still, seconds: 14.0}, {kind: drill, seconds: 13.0, rpm: 60.0, rop_m_h: 360.0}, "
+    "{kind: still, seconds: 14.0}]\n"
+    "well: {stations: [[0.0, 40.0, 70.0], [150.0, 40.0, 70.0]], bit_m: 103.0, "
+    "plan: [[0.0, 0.0, 0.0], [200.0, 40.0, 70.0]]}\n"
     "precision: {grade: tactical_north}\nfaults: [{component: mag, fault: 'off', start_s: 19.0, seconds: 5.0}]\n"
+    "surface: {advisory.toolface_deg: 40.0, leg.tie_on_depth: 50.0, leg.tie_on_inclination_deg: 40.0, "
+    "leg.tie_on_azimuth_deg: 70.0, leg.tie_on_north: 10.0, leg.tie_on_east: 30.0, leg.tie_on_vertical_depth: 40.0}\n"
 )
 _GONE_S = 6.0  # longer than what the table of supervision allows for any input
 
 
-def test_after_the_end_of_a_scenario_with_a_fault_no_alarm_stands_and_none_waits(start, tmp_path):
+@pytest.mark.slow(25)
+def test_after_the_end_of_a_scenario_with_a_fault_no_alarm_stands_and_an_interrupt_ends_everything(start, tmp_path):
     (tmp_path / "brief.yaml").write_text(FAILING)
-    process = start("--no-record", "--no-rig", "--hold")
+    process = start("--rate", 2, "--no-record", "--no-rig", "--hold")
     page = re.search(r"http://\S+", line_with(process, "http://"))[0]
     opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     over_at = None
@@ -168,12 +167,20 @@ def test_after_the_end_of_a_scenario_with_a_fault_no_alarm_stands_and_none_waits
             shown = json.load(answer)["sections"]
         over_at = over_at or (time.monotonic() if shown.get("well", {}).get("over") else None)
         assert process.poll() is None
-        time.sleep(0.2)
+        time.sleep(0.5)
+    assert shown["plan"]["name"] == "brief.csv"
+    assert shown["toolface"]["advisory"]["toolface"] == pytest.approx(math.radians(40.0))
+    assert shown["path"]["measured_depth"][:1] == [50.0]
     raised = [event["source"] for event in shown["events"]["rows"] if event["kind"] == "raised"]
     assert any("sensors" in source for source in raised), "the fault raised no alarm"
     assert shown["streams"]["sonde"]["state"] != "live"
     assert shown["alarms"]["rows"] == []
     assert shown["alarms"]["not_evaluated"] == []
+    assert len(nodes_of(process)) >= 2
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=120)
     assert process.returncode == 0, out + err
+    assert "Traceback" not in out + err
+    assert nodes_of(process) == []
+    with pytest.raises(OSError):
+        opener.open(page, timeout=2.0)
