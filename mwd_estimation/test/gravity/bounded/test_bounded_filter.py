@@ -92,11 +92,18 @@ def test_gravity_is_followed_while_drilling_from_a_start_in_motion(case, most):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ["rot155", "drillvib", "stickslip", "whirl", "build", "offaxis"])
-def test_sigma_lies_in_its_band_over_several_tools(case):
+@pytest.mark.parametrize(
+    ("case", "tools"),
+    [
+        *((case, 3) for case in ("rot155", "drillvib", "whirl", "build", "offaxis")),
+        # In stick-slip errors differ most from tool to tool.
+        ("stickslip", 12),
+        pytest.param("stickslip", 30, marks=pytest.mark.nightly),
+    ],
+)
+def test_sigma_lies_in_its_band_over_several_tools(case, tools):
     inclination, toolface = [], []
-    # In stick-slip errors differ most from tool to tool.
-    for seed in range(11, 41 if case == "stickslip" else 14):
+    for seed in range(11, 11 + tools):
         data = drilled(case, 40.0, seed=seed)
         got, late = followed(data), data.after(10.0)
         inclination.append((inclination_error(got, data.down)[late], got.sigma_inclination[late]))
@@ -111,7 +118,7 @@ def test_flags_of_clipped_accelerometers_save_an_inclination_that_half_the_sampl
     grade = {"flags_clipping": True, "accelerometer": {"range_g": [4.0, 4.0, 4.0]}}
     p = bounded.BoundedParams(accel_range=4.0 * G0)
     untold, errors, sigmas = [], [], []
-    for seed in range(1, 9):
+    for seed in range(1, 6):
         imu, down = sensed("shocks", 60.0, seed=seed, ahrs={"changes": grade})
         flags = clip_flags.of(imu)
         assert 0.3 < np.mean(flags == clip_flags.ACCEL) < 0.9
