@@ -109,13 +109,13 @@ def endless_view(path: Path) -> None:
 
 @functools.cache
 def _ros1(compression: str) -> bytes:
-    """ROS 1 bag of one chunk that unpacks to 300 MB."""
+    """ROS 1 bag of one chunk that unpacks to 100 MB."""
     with tempfile.TemporaryDirectory() as folder:
         writer = Ros1Writer(Path(folder) / "a.bag")
         writer.set_compression(Ros1Writer.CompressionFormat[compression])
         with writer:
             connection = writer.add_connection("/a", "std_msgs/msg/String", msgdef="string data\n", md5sum="0" * 32)
-            writer.write(connection, 1, (300 * 10**6).to_bytes(4, "little") + bytes(300 * 10**6))
+            writer.write(connection, 1, (10**8).to_bytes(4, "little") + bytes(10**8))
         return (Path(folder) / "a.bag").read_bytes()
 
 
@@ -125,7 +125,7 @@ def ros1_bz2(path: Path) -> None:
 
 
 def ros1_lz4(path: Path) -> None:
-    """ROS 1 bag of a megabyte, packed by lz4."""
+    """ROS 1 bag of 400 kB, packed by lz4."""
     path.write_bytes(_ros1("LZ4"))
 
 
@@ -244,9 +244,9 @@ _SHEET = (
 
 
 def zeros_xlsx(path: Path) -> None:
-    """Spreadsheet of a megabyte that unpacks to a gigabyte."""
+    """Spreadsheet of 300 kB that unpacks to 300 MB."""
     head, tail = _SHEET.split("{}")
-    _xlsx(path, head, *[" " * 10**6] * 1000, tail)
+    _xlsx(path, head, *[" " * 10**6] * 300, tail)
 
 
 def far_row_xlsx(path: Path) -> None:

@@ -39,6 +39,7 @@ _IMPORTED_ONCE = [
     "mwd_surface.surveys.multi_station_analysis",
     "mwd_surface.surveys.survey_source",
     "pyarrow.parquet",
+    "pydantic.main",
     "rich.console",
 ]
 

@@ -80,7 +80,7 @@ def test_every_budget_bounds_something():
     assert all(one.size < 2**62 or one.unpacked or one.records for one in BUDGETS)
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 @pytest.mark.fault_case(84)
 @pytest.mark.parametrize("kind", bombs.YAML)
 def test_yaml_bombs_end_in_a_sentence(kind, tmp_path):
@@ -94,7 +94,7 @@ def test_yaml_bombs_end_in_a_sentence(kind, tmp_path):
     mwd("inspect", bag)
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 @pytest.mark.fault_case(66)
 @pytest.mark.parametrize("kind", bombs.MCAP)
 @pytest.mark.parametrize("command", ["inspect", "recover"])
@@ -105,14 +105,14 @@ def test_recordings_that_unpack_without_measure_end_in_a_sentence(kind, command,
     mwd(command, file)
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 @pytest.mark.parametrize(("make", "name"), [(bombs.packed_file, "a.mcap.zstd"), (bombs.endless_view, "a.db3")])
 def test_packed_files_and_databases_that_compute_their_rows_end_in_a_sentence(make, name, tmp_path):
     make(tmp_path / name)
     mwd("inspect", tmp_path / name)
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 @pytest.mark.parametrize("command", ["inspect", "recover"])
 @pytest.mark.parametrize("kind", bombs.ROS1)
 def test_ros_1_chunks_that_unpack_without_measure_end_in_a_sentence(kind, command, tmp_path):
@@ -121,14 +121,14 @@ def test_ros_1_chunks_that_unpack_without_measure_end_in_a_sentence(kind, comman
     assert "unpacked" in said or "unpacks" in said
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 def test_ros_1_chunks_that_alternate_in_time_are_unpacked_once_each(tmp_path):
     bombs.alternating_chunks(tmp_path / "a.bag")
     # The time limit of `mwd` is the test: a chunk for each message takes minutes.
     assert "has no topic" in mwd("inspect", tmp_path / "a.bag")
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 @pytest.mark.parametrize("kind", bombs.RUNS)
 def test_results_of_runs_that_unpack_without_measure_end_in_a_sentence(kind, tmp_path):
     bombs.RUNS[kind](tmp_path / "run")
@@ -145,7 +145,7 @@ READERS = {
 }
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 @pytest.mark.parametrize("kind", bombs.FILES)
 @pytest.mark.parametrize("reader", READERS)
 def test_files_that_are_endless_or_nested_without_end_end_in_a_sentence(reader, kind, tmp_path):
@@ -156,7 +156,7 @@ def test_files_that_are_endless_or_nested_without_end_end_in_a_sentence(reader, 
     mwd(*(tmp_path / word if word in inside else word.format(tmp_path / "x") for word in words))
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 @pytest.mark.parametrize("kind", bombs.FILES)
 def test_secrets_and_certificates_that_are_endless_end_in_a_sentence(kind, tmp_path):
     bombs.FILES[kind](tmp_path / "secret")
@@ -165,20 +165,20 @@ def test_secrets_and_certificates_that_are_endless_end_in_a_sentence(kind, tmp_p
             read_file(tmp_path / "secret", one)
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 def test_packed_messages_that_hold_gigabytes_end_in_a_sentence(tmp_path):
     bombs.packed_messages(tmp_path / "packed")
     mwd("process", tmp_path / "packed" / "bag", "-o", tmp_path / "out")
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 @pytest.mark.parametrize("kind", bombs.SHEETS)
 def test_spreadsheets_that_unpack_without_measure_end_in_a_sentence(kind, tmp_path):
     bombs.SHEETS[kind](tmp_path / "a.xlsx")
     mwd("path", tmp_path / "a.xlsx", "-o", tmp_path / "out")
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 @pytest.mark.parametrize("kind", bombs.WAV)
 def test_wav_files_that_claim_or_last_too_much_end_in_a_sentence(kind, tmp_path):
     bombs.WAV[kind](tmp_path / "a.wav")
@@ -186,7 +186,7 @@ def test_wav_files_that_claim_or_last_too_much_end_in_a_sentence(kind, tmp_path)
     mwd("decode", tmp_path / "a.wav", "--tool", tmp_path / "tool.yaml", "-o", tmp_path / "out")
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 def test_a_pressure_file_of_rows_far_apart_is_refused(tmp_path):
     bombs.far_rows(tmp_path / "far.csv")
     (tmp_path / "tool.yaml").write_text("pulse_width_s: 0.8\n")
@@ -194,7 +194,7 @@ def test_a_pressure_file_of_rows_far_apart_is_refused(tmp_path):
     assert "cut the file" in words
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.5)
 @pytest.mark.fault_case(83)
 @pytest.mark.parametrize("name", bombs.LISTS)
 def test_lists_that_take_minutes_to_parse_end_in_a_sentence(name, tmp_path):
@@ -218,7 +218,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 }
 
 
-@pytest.mark.slow(1)
+@pytest.mark.slow(0.3)
 @pytest.mark.parametrize("place", bombs.PLACES)
 @pytest.mark.parametrize("name", COMMANDS)
 def test_no_command_waits_for_a_pipe_a_device_or_a_folder(name, place, tmp_path):

@@ -32,20 +32,26 @@ def words():
     return module
 
 
+@pytest.fixture(scope="module")
+def every_text(words):
+    """Texts of the page, alarms, reasons and report."""
+    return frozenset(words.every_text())
+
+
 @pytest.mark.parametrize("path", CATALOGUES, ids=lambda path: f"{path.parent.name}/{path.stem}")
-def test_every_text_has_a_translation_with_the_same_values(words, path):
+def test_every_text_has_a_translation_with_the_same_values(words, every_text, path):
     """Texts of the page, alarms, reasons and report; and those of the help and messages of the commands."""
     with path.open("rb") as file:
         catalogue = {m.id: m.string for m in read_po(file, locale=path.stem) if m.id}
-    texts = set(words.command_texts() if path.parent.name == "commands" else words.every_text())
+    texts = set(words.command_texts()) if path.parent.name == "commands" else every_text
     assert not texts - {text for text, said in catalogue.items() if said}, "no translation: run `make words`, translate"
     assert not set(catalogue) - texts, "no source has these texts any more: run `make words`"
     for text, said in catalogue.items():
         assert set(PLACES.findall(text)) == set(PLACES.findall(said)), (text, said)
 
 
-def test_the_values_of_a_template_have_fixed_text_between_them(words):
-    for text in words.every_text():
+def test_the_values_of_a_template_have_fixed_text_between_them(every_text):
+    for text in every_text:
         assert not re.search(r"\{[a-z]\w*\}\{", text), text
 
 
@@ -82,11 +88,10 @@ def test_the_texts_of_the_page_are_found_with_templates_inside_templates(words):
 
 
 @pytest.mark.parametrize("kind", [LinkHealth, WordStatus, RecorderState, Role, ControlState, Origin, AdviceMode])
-def test_the_words_of_the_enumerations_on_the_page_are_texts(words, kind):
+def test_the_words_of_the_enumerations_on_the_page_are_texts(every_text, kind):
     """The words are made from the names of the members, so no source has them as a string."""
-    texts = words.every_text()
     for member in kind:
-        assert word(member) in {*texts, ""}, member
+        assert word(member) in {*every_text, ""}, member
 
 
 def test_the_enumerations_of_every_field_of_a_record_are_found(words):

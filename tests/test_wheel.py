@@ -6,9 +6,12 @@ import re
 import shutil
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("mwd_sensors", "mwd_estimation", "mwd_surface")
@@ -35,14 +38,29 @@ def installed(tmp_path_factory):
     wheels = sorted((folder / "wheels").glob("*.whl"))
     assert len(wheels) == len(PACKAGES)
     environment = folder / "environment"
-    subprocess.run([sys.executable, "-m", "venv", environment], check=True)
-    locks = [(ROOT / ".ci" / name).read_text(encoding="utf-8") for name in ("ros.lock", "python.lock")]
-    versions = folder / "versions.txt"
-    versions.write_text("".join(f"{pin}\n" for lock in locks for pin in re.findall(r"^\S+==\S+", lock, re.MULTILINE)))
-    python = environment / "bin" / "python"
-    subprocess.run([python, "-m", "pip", *quiet, "install", "--no-compile", "-c", versions, *wheels], check=True)
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", environment], check=True)
+    pip = (*pip, "--python", environment / "bin" / "python")
+    subprocess.run([*pip, "install", "--no-index", "--no-deps", "--no-compile", *wheels], check=True)
+    link_requirements(environment)
+    subprocess.run([*pip, "check"], check=True)
     share_machine_code(environment)
     return environment
+
+
+def link_requirements(environment):
+    """Link to the tests' own packages those that the wheels require, and those that these require; no others."""
+    (packages,) = environment.glob("lib/python*/site-packages")
+    waiting = list(metadata.distributions(path=[str(packages)]))
+    found = {canonicalize_name(package) for package in PACKAGES}
+    assert {canonicalize_name(one.name) for one in waiting} == found
+    while waiting:
+        for requirement in map(Requirement, waiting.pop().requires or ()):
+            name = canonicalize_name(requirement.name)
+            if name not in found and (requirement.marker is None or requirement.marker.evaluate({"extra": ""})):
+                found.add(name)
+                waiting.append(metadata.distribution(name))
+                for top in {path.parts[0] for path in waiting[-1].files} - {"..", "__pycache__"}:
+                    (packages / top).symlink_to(waiting[-1].locate_file(top))
 
 
 def share_machine_code(environment):

@@ -38,7 +38,7 @@ def settings(mode: str, noise: float, latitude_deg: float, **more: object) -> Se
 
 
 # Runs that a rate of errors is estimated from: few in the gate, whose chi-square band is wider, many at night.
-DRAWN = pytest.mark.parametrize("runs", [20, pytest.param(60, marks=pytest.mark.nightly)])
+DRAWN = pytest.mark.parametrize("runs", [12, pytest.param(60, marks=pytest.mark.nightly)])
 
 TACTICAL_AT_44 = settings("auto", 0.05, 44.0, gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0, g_sensitivity_deg_h_g=0.5)
 
@@ -93,7 +93,7 @@ def assert_at_limit(error: np.ndarray, sigma: np.ndarray, limit: float) -> None:
     assert_consistent(error, sigma, confidence=0.99)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(1.5)
 @DRAWN
 @pytest.mark.parametrize(("noise", "latitude_deg"), [(0.003, 0.0), (0.15, -60.0)])
 def test_a_still_tool_with_known_bias_reaches_the_noise_limit(noise: float, latitude_deg: float, runs: int) -> None:
@@ -121,7 +121,7 @@ def test_a_turning_tool_reaches_the_limit_without_knowing_its_biases(
     assert_at_limit(error, sigma, found.limit)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(1.5)
 @DRAWN
 def test_half_a_turn_cancels_a_bias_that_hides_north_from_a_still_tool(runs: int) -> None:
     params = settings("auto", 0.05, 34.0, gyro_bias_deg_h=10.0)
@@ -138,14 +138,14 @@ def test_half_a_turn_cancels_a_bias_that_hides_north_from_a_still_tool(runs: int
     assert "bias is known only to 10 deg/h" in text(found.reason)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(2)
 @pytest.mark.parametrize("azimuth", [0.5, pytest.param(2.6, marks=pytest.mark.nightly)])
 def test_a_bias_that_drifts_by_degrees_an_hour_within_a_minute_is_in_sigma_or_refused(azimuth: float) -> None:
     """A ramp two hundred times the stated one, either way on each axis, over two positions."""
     params = settings("auto", 0.05, 34.0, gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0, gyro_ramp_deg_h2=3.0)
     clean, rng = motion(67.5, 34.0 * DEG, 1.0, azimuth, two_positions, RATE), np.random.default_rng(36)
     hours, given = (clean.stamp_ns - clean.stamp_ns[0]) / 3.6e12, []
-    for _ in range(30):
+    for _ in range(15):
         gyro, accel = measured(
             clean, rng, 0.05, 0.05, params.accel_noise_ug_rthz, 5.0 * DEG_PER_HOUR * rng.normal(size=3)
         )
@@ -155,11 +155,11 @@ def test_a_bias_that_drifts_by_degrees_an_hour_within_a_minute_is_in_sigma_or_re
         found = north_seek.solution(params, state)
         if found.success:
             given.append(abs(float(wrap_pi(found.azimuth - azimuth))) / found.sigma)
-    assert len(given) > 10
+    assert len(given) > 5
     assert max(given) < 3.0
 
 
-@pytest.mark.slow
+@pytest.mark.slow(4)
 def test_a_unit_with_three_times_the_stated_g_sensitivity_stays_within_sigma() -> None:
     params = settings("auto", 0.05, 34.0, gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0, g_sensitivity_deg_h_g=0.5)
     clean, rng = motion(67.5, 34.0 * DEG, 1.0, 0.5, two_positions, RATE), np.random.default_rng(9)
@@ -194,7 +194,7 @@ def tactical_seeks(latitude: float, told: float, inclination: float, azimuth: fl
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.slow(0.7)
 @pytest.mark.parametrize(
     ("latitude", "inclination", "azimuth", "named"), [(55.0, 63.0, 273.0, True), (44.0, 47.0, 59.0, False)]
 )
@@ -202,7 +202,7 @@ def test_a_wrong_latitude_is_named_or_in_sigma(
     latitude: float, inclination: float, azimuth: float, named: bool
 ) -> None:
     """Towards east or west azimuth and latitude, here told 15 deg wrong, explain the same rates; gravity does not."""
-    found = tactical_seeks(latitude, latitude - 15.0, inclination, azimuth, 10)
+    found = tactical_seeks(latitude, latitude - 15.0, inclination, azimuth, 6)
     for one in found:
         if one.success:
             assert abs(wrap_pi(one.azimuth - azimuth * DEG)) < 3.0 * one.sigma
@@ -219,7 +219,7 @@ def two_positions_at(height_m: float) -> SeekState:
     return state
 
 
-@pytest.mark.slow
+@pytest.mark.slow(0.2)
 def test_a_right_latitude_keeps_its_sigma(monkeypatch: pytest.MonkeyPatch) -> None:
     state = two_positions_at(0.0)
     sigma = north_seek.solution(TACTICAL_AT_44, state).sigma
@@ -227,7 +227,7 @@ def test_a_right_latitude_keeps_its_sigma(monkeypatch: pytest.MonkeyPatch) -> No
     assert sigma == pytest.approx(north_seek.solution(TACTICAL_AT_44, state).sigma, rel=0.03)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(0.2)
 def test_the_gravity_of_a_high_place_is_not_taken_for_another_latitude() -> None:
     at_sea = north_seek.solution(TACTICAL_AT_44, two_positions_at(0.0))
     high = north_seek.solution(dataclasses.replace(TACTICAL_AT_44, height_m=4000.0), two_positions_at(4000.0))
@@ -235,7 +235,7 @@ def test_the_gravity_of_a_high_place_is_not_taken_for_another_latitude() -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("most", [0.0, pytest.param(0.03, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("most", [-0.02, pytest.param(0.03, marks=pytest.mark.nightly)])
 def test_sigma_changes_continuously_as_gravity_speaks_for_another_latitude(most: float) -> None:
     state = two_positions_at(0.0)
     force, sigmas = state.down_force, []
@@ -246,7 +246,7 @@ def test_sigma_changes_continuously_as_gravity_speaks_for_another_latitude(most:
     assert np.abs(np.diff(np.log(sigmas))).max() < 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.slow(0.2)
 @pytest.mark.parametrize("off_mg", [-2.0, 2.0])
 def test_accelerometers_far_off_do_not_make_a_right_latitude_wrong(off_mg: float) -> None:
     """Nobody states the accelerometers of a precision unit; 2 mg is 22 deg of latitude by normal gravity alone."""
@@ -265,7 +265,7 @@ def test_the_other_hemisphere_is_refused() -> None:
         assert refusal(params, clean) in (ReasonCode.LATITUDE_OTHER, ReasonCode.LATITUDE_MISFIT)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(1.5)
 @DRAWN
 def test_x_leakage_times_speed_wobble_is_regressed_out(runs: int) -> None:
     # 500 urad of leakage and 1 % wobble at 60 r/min are 31 urad/s locked to the turn: half the Earth rate.
@@ -275,17 +275,17 @@ def test_x_leakage_times_speed_wobble_is_regressed_out(runs: int) -> None:
     assert_at_limit(error, sigma, 1.1 * found.limit)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(1.7)
 def test_a_known_lag_of_one_millisecond_is_undone() -> None:
     clean = motion(123.5, 34.0 * DEG, 1.0, 0.5, steady(120.0), RATE, lag=0.001)
     given = settings("rotating", 0.003, 34.0, lag_ms=1.0, lag_sigma_ms=0.01)
-    error, sigma, _ = monte_carlo(given, clean, runs=20)
+    error, sigma, _ = monte_carlo(given, clean, runs=8)
     assert abs(error.mean()) < 0.05 * DEG
     without_lag = dataclasses.replace(given, lag_ms=0.0)
-    error, sigma, _ = monte_carlo(without_lag, clean, runs=5)
+    error, sigma, _ = monte_carlo(without_lag, clean, runs=3)
     assert abs(error.mean()) > 0.4 * DEG
     honest = dataclasses.replace(given, lag_ms=0.0, lag_sigma_ms=1.0)
-    error, sigma, _ = monte_carlo(honest, clean, runs=5)
+    error, sigma, _ = monte_carlo(honest, clean, runs=3)
     assert np.abs(error / sigma).max() < 3.0
 
 
@@ -294,7 +294,7 @@ def test_an_accelerometer_ahead_of_the_gyros_shows_in_the_spin_up() -> None:
     now = motion(67.5, 34.0 * DEG, 1.0, 0.5, spin_up(60.0), RATE)
     clean = dataclasses.replace(late, accel_t=now.accel_t)
     params = settings("rotating", 0.01, 34.0, lead_sigma_ms=5.0)
-    error, sigma, found = monte_carlo(params, clean, runs=20)
+    error, sigma, found = monte_carlo(params, clean, runs=10)
     assert found.success, found.reason
     assert np.abs(error / sigma).max() < 3.5
     assert np.sqrt(np.mean(error**2)) < 1.4 * found.limit
@@ -326,7 +326,7 @@ def test_g_sensitivity_is_admitted_and_taken_off_where_it_is_calibrated() -> Non
     assert max(abs(e) for _, e in errors) < 3.0 * sigma
 
 
-@pytest.mark.slow
+@pytest.mark.slow(1.6)
 def test_a_wobbling_axis_costs_little_and_sigma_knows() -> None:
     def inclination(t: np.ndarray) -> np.ndarray:
         return np.asarray(1.0 + 0.005 * np.cos(steady(60.0)(t)))
@@ -335,7 +335,7 @@ def test_a_wobbling_axis_costs_little_and_sigma_knows() -> None:
     clean = motion(63.5, 34.0 * DEG, inclination, 0.5, steady(60.0), RATE)
     rng = np.random.default_rng(1)
     errors, sigmas = [], []
-    for _ in range(30):
+    for _ in range(15):
         gyro, accel = measured(clean, rng, 0.05, 0.42, 30.0)
         state = north_seek.initial()
         north_seek.run(params, state, clean.stamp_ns, gyro, accel)
@@ -390,26 +390,27 @@ def test_what_cannot_be_measured_is_refused_with_its_reason() -> None:
     assert refusal(dataclasses.replace(quiet, latitude_deg=80.0), still_hole) is ReasonCode.LATITUDE_MISFIT
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_flags_say_what_a_clipped_sample_hides_of_north_and_too_many_of_them_refuse_it() -> None:
     params = settings("still", 0.05, 34.0, gyro_range_dps=50.0)
     clean = motion(63.5, 34.0 * DEG, 1.0, 1.2, still, RATE)
     flags = np.zeros(len(clean.stamp_ns), np.uint8)
     flags[[1200, 2100]] = clip_flags.CROSS_GYRO
     rng = np.random.default_rng(11)
-    error, sigma = np.empty((2, 40)), np.empty((2, 40))
-    for r in range(40):
+
+    def sought(given: np.ndarray | None) -> tuple[float, float]:
         bias = rng.standard_normal(3) * 0.01 * DEG_PER_HOUR
         gyro, accel = measured(clean, rng, 0.05, 0.05, params.accel_noise_ug_rthz, bias, np.zeros(3))
         # The mean of a sample within which the range was passed misses a rate as large as the range.
         gyro[flags != 0, 1:] += 50.0 * DEG * rng.standard_normal((2, 2))
-        for k, given in enumerate((None, flags)):
-            state = north_seek.initial()
-            north_seek.run(params, state, clean.stamp_ns, gyro, accel, given)
-            found = north_seek.solution(params, state)
-            error[k, r], sigma[k, r] = wrap_pi(found.azimuth - 1.2), found.sigma
-    assert np.mean((error[0] / sigma[0]) ** 2) > 5.0
-    assert_consistent(error[1], sigma[1])
+        state = north_seek.initial()
+        north_seek.run(params, state, clean.stamp_ns, gyro, accel, given)
+        found = north_seek.solution(params, state)
+        return float(wrap_pi(found.azimuth - 1.2)), found.sigma
+
+    error, sigma = np.transpose([sought(None) for _ in range(5)])
+    assert np.mean((error / sigma) ** 2) > 5.0
+    assert_consistent(*np.transpose([sought(flags) for _ in range(20)]))
     flags[::500] = clip_flags.AXIAL_GYRO
     state = north_seek.initial()
     north_seek.run(params, state, clean.stamp_ns, clean.gyro_t, clean.accel_t, flags)
@@ -479,7 +480,7 @@ def test_a_bias_that_was_zeroed_may_have_walked_since() -> None:
     assert abs(wrap_pi(found.azimuth - 1.0)) < 3.0 * found.sigma
 
 
-@pytest.mark.slow
+@pytest.mark.slow(4)
 @pytest.mark.fault_case(9)
 @DRAWN
 def test_a_gyro_whose_bias_drifts_to_the_next_station_errs_by_its_sigma_there(runs: int) -> None:
@@ -504,8 +505,8 @@ def test_a_gyro_whose_bias_drifts_to_the_next_station_errs_by_its_sigma_there(ru
     assert_consistent(error, sigma)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("runs", [30, pytest.param(100, marks=pytest.mark.nightly)])
+@pytest.mark.slow(2.8)
+@pytest.mark.parametrize("runs", [24, pytest.param(100, marks=pytest.mark.nightly)])
 def test_a_gyro_as_bad_as_the_bound_of_its_bias_errs_by_its_sigma_in_one_position(runs: int) -> None:
     params = SeekParams(
         latitude_deg=10.0,
@@ -561,7 +562,7 @@ def test_noise_is_measured_at_rest_and_while_the_tool_turns(noise: float, turnin
 def test_a_sway_of_the_string_stays_within_sigma(hertz: float) -> None:
     params = settings("still", 0.01, 34.0, accel_bias_ug=20.0)
     rng = np.random.default_rng(8)
-    for phase in rng.uniform(0.0, math.tau, 8):
+    for phase in rng.uniform(0.0, math.tau, 4):
 
         def swaying(t: np.ndarray, middle: float = 1.0, phase: float = phase) -> np.ndarray:
             return np.asarray(middle + 0.04 * DEG * np.sin(math.tau * hertz * t + phase))

@@ -125,7 +125,7 @@ def beyond(limit):
     return st.builds(math.copysign, size, st.sampled_from([1.0, -1.0]))
 
 
-@pytest.mark.slow(20)
+@pytest.mark.slow(2.5)
 @pytest.mark.fault_case(3)
 @settings(max_examples=5)
 @given(data=st.data())
@@ -138,7 +138,7 @@ def test_any_double_beyond_the_gate_in_one_sample_has_the_effect_of_a_missing_va
     _assert_same_as(math.nan, *edits)
 
 
-@pytest.mark.slow(3)
+@pytest.mark.slow(0.5)
 @pytest.mark.parametrize(("value", "length"), [(1e9, 2), (-1e150, 37)])
 def test_bursts_beyond_the_gate_have_the_effect_of_missing_values(value, length):
     starts = range(700, 4000, 550)
@@ -147,13 +147,13 @@ def test_bursts_beyond_the_gate_have_the_effect_of_missing_values(value, length)
     )
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.4)
 @pytest.mark.parametrize("channel", CHANNELS)
 def test_a_whole_channel_beyond_the_gate_has_the_effect_of_missing_values(channel):
     _assert_same_as(math.nan, (channel, 1, range(700, round(SECONDS * 100)), 1.7e308))
 
 
-@pytest.mark.slow(3)
+@pytest.mark.slow(0.5)
 @pytest.mark.parametrize("method", methods.METHODS)
 def test_every_gravity_method_takes_an_absurd_value_for_a_missing_one(method):
     values = ((1000.0, 400), (-1e150, 1500))
@@ -162,7 +162,7 @@ def test_every_gravity_method_takes_an_absurd_value_for_a_missing_one(method):
     _assert_same_as(math.nan, *edits, given=changed(SETTINGS, {"gravity.method": method}))
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.4)
 def test_the_gate_stands_before_a_mount_that_turns_the_axes():
     # Turned by 45 deg a value just beyond the range would be two within it.
     half = math.sqrt(0.5)
@@ -172,7 +172,7 @@ def test_the_gate_stands_before_a_mount_that_turns_the_axes():
     _assert_same_as(math.nan, *edits, given=askew)
 
 
-@pytest.mark.slow(4)
+@pytest.mark.slow(0.7)
 @settings(max_examples=4)
 @given(
     edits=st.lists(
@@ -194,7 +194,7 @@ def test_tiny_values_are_readings_that_break_nothing(edits):
     assert rows
 
 
-@pytest.mark.slow(20)
+@pytest.mark.slow(2.3)
 @pytest.mark.fault_case(3)
 @settings(max_examples=5, phases=[Phase.explicit, Phase.generate])
 @given(
@@ -218,7 +218,7 @@ def test_one_wrong_rate_within_the_range_has_the_effect_of_a_missing_value(chann
     assert given_.health == missing.health == []
 
 
-@pytest.mark.slow(5)
+@pytest.mark.slow(0.5)
 @pytest.mark.parametrize("length", [2, pytest.param(3, marks=pytest.mark.nightly), 4])
 @pytest.mark.parametrize("place", [500, 1500])
 def test_some_wrong_rates_in_a_row_leave_the_angles_within_their_sigma(length, place):
@@ -231,7 +231,7 @@ def test_some_wrong_rates_in_a_row_leave_the_angles_within_their_sigma(length, p
             assert (error[sigma > 0.0] <= 3.0 * sigma[sigma > 0.0]).all(), (axis, value, field)
 
 
-@pytest.mark.slow(5)
+@pytest.mark.slow(0.2)
 @pytest.mark.fault_case(49)
 @pytest.mark.parametrize("jitter_s", [1e-4, 1e-3, 2e-3])
 def test_uneven_stamps_widen_the_toolface_of_a_turning_string_by_what_it_turns_meanwhile(jitter_s):
@@ -248,12 +248,12 @@ def test_uneven_stamps_widen_the_toolface_of_a_turning_string_by_what_it_turns_m
     assert np.median(sigma) < 6.0 * 6.0 * jitter_s + 0.002
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(0.4)
 def test_the_sign_of_zero_says_nothing():
     _assert_same_as(0.0, *((channel, 1, [500 + 100 * k, 1500 + 100 * k], -0.0) for k, channel in enumerate(CHANNELS)))
 
 
-@pytest.mark.slow(6)
+@pytest.mark.slow(0.2)
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("share", [1.0, 0.999 * MARGIN])
 def test_between_its_range_and_the_gate_a_gyro_is_taken_for_clipped(axis, share):

@@ -71,7 +71,7 @@ def _in_one_piece():
     return imu, mag, _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))
 
 
-@pytest.mark.slow(3)
+@pytest.mark.slow(0.9)
 @settings(max_examples=8)
 @given(cuts=st.lists(st.integers(0, 1600), max_size=8))
 def test_any_cut_into_blocks_gives_the_same_bits(cuts):
@@ -91,7 +91,7 @@ def _stating(imu, mag, *, every=1, mag_from=0):
     return imu[::every], mag[mag_from:][::every]
 
 
-@pytest.mark.slow(8)
+@pytest.mark.slow(0.5)
 @settings(max_examples=5, deadline=None)
 @given(
     cuts=st.lists(st.integers(0, 1600), max_size=8),
@@ -190,7 +190,7 @@ def test_the_tool_s_own_field_is_learnt_while_drilling_and_taken_off_the_azimuth
     assert (np.abs(own["cross_axial"][-1]) < 3.0 * own["sigma_cross_axial"][-1]).all()
 
 
-@pytest.mark.slow(8)
+@pytest.mark.slow(0.6)
 @pytest.mark.fault_case(6)
 @pytest.mark.parametrize("reading", [34.9, -34.9, 5.0, np.nan])
 @pytest.mark.parametrize("axis", [0, 1])
@@ -279,7 +279,7 @@ def _returning_gyro(imu, mag, seconds):
     return imu, mag
 
 
-@pytest.mark.slow(4)
+@pytest.mark.slow(0.3)
 @pytest.mark.fault_case(19, 20)
 @pytest.mark.parametrize("broken", [_chattering_plug, _returning_gyro])
 def test_a_sensor_that_comes_and_goes_is_named_and_leaves_no_accepted_survey_nor_a_false_angle(broken):
@@ -336,7 +336,7 @@ def test_a_magnetometer_beside_a_silent_imu_keeps_the_newest_samples_only():
     assert np.isfinite(output.attitude["azimuth"][-1])
 
 
-@pytest.mark.slow(6)
+@pytest.mark.slow(3.5)
 def test_what_is_kept_while_the_time_of_the_imu_stands_still_is_bounded(monkeypatch):
     monkeypatch.setattr(estimate, "MOST_AHEAD", 2000)
     imu, mag = _samples(seconds=4.0)
@@ -362,7 +362,7 @@ def test_what_is_kept_while_the_time_of_the_imu_stands_still_is_bounded(monkeypa
     assert len(output.attitude) == len(imu)
 
 
-@pytest.mark.slow(6)
+@pytest.mark.slow(0.4)
 @pytest.mark.fault_case(55)
 @settings(max_examples=6)
 @given(
@@ -462,23 +462,28 @@ def test_time_that_goes_back_begins_the_estimate_anew_with_the_numbers_of_a_fres
         assert pipeline.counters.set_back == 1
 
 
-@pytest.mark.parametrize("late", [{0}, {700}, {1400}, {1402}, {1403}, {1400, 1401, 1402}])
-@pytest.mark.parametrize("jump_s", [0.0, 14.0 + 1.1, 14.0 + 600.0])
-def test_a_magnetic_sample_that_comes_after_the_imu_sample_of_its_time_changes_nothing(late, jump_s):
-    """The same samples come twice; the second time begins `jump_s` after the first: time goes back or has a gap."""
+@functools.cache
+def _twice(jump_s):
+    """Samples that come twice, the second time `jump_s` after the first, and the attitude if none of them is late."""
     imu, mag = (np.concatenate([one, one]) for one in _samples(seconds=14.0))
     for samples in (imu, mag):
         samples["stamp_ns"][1400:] += int(jump_s * 1e9)
-    attitude = []
-    for after in (set(), late):
-        pipeline, outputs = Pipeline(EstimatorSettings(), REFERENCE), []
-        for k in range(len(imu)):
-            first, second = (mag[:0], mag[k : k + 1]) if k in after else (mag[k : k + 1], mag[:0])
-            pipeline.push_mag(first)
-            outputs.append(pipeline.push_imu(imu[k : k + 1]))
-            pipeline.push_mag(second)
-        attitude.append(_joined(outputs, "attitude").tobytes())
-    assert attitude[0] == attitude[1]
+    return imu, mag, _joined(_run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE)), "attitude").tobytes()
+
+
+@pytest.mark.parametrize("late", [{0}, {700}, {1400}, {1402}, {1403}, {1400, 1401, 1402}])
+@pytest.mark.parametrize("jump_s", [0.0, 14.0 + 1.1, 14.0 + 600.0])
+def test_a_magnetic_sample_that_comes_after_the_imu_sample_of_its_time_changes_nothing(late, jump_s):
+    """The time of the second samples goes back or has a gap; around a late sample they come one by one."""
+    imu, mag, expected = _twice(jump_s)
+    cuts = {*range(100, len(imu), 100), *(k for one in (*late, 1400) for k in range(max(one - 6, 1), one + 7))}
+    pipeline, outputs = Pipeline(EstimatorSettings(), REFERENCE), []
+    for block in np.split(np.arange(len(imu)), sorted(cuts)):
+        before, after = (mag[:0], mag[block]) if block[0] in late else (mag[block], mag[:0])
+        pipeline.push_mag(before)
+        outputs.append(pipeline.push_imu(imu[block]))
+        pipeline.push_mag(after)
+    assert _joined(outputs, "attitude").tobytes() == expected
 
 
 def test_gravity_that_a_smoother_followed_is_kept_where_time_goes_back():
@@ -604,7 +609,7 @@ def test_innovations_count_what_the_field_check_rejects_however_the_stream_is_cu
     assert 0.0 < before["gravity_inclination"].test_ratio < 20.0
 
 
-@pytest.mark.slow(6)
+@pytest.mark.slow(3)
 @pytest.mark.fault_case(70)
 def test_the_memory_of_the_estimator_does_not_grow_from_survey_to_survey(monkeypatch):
     # Of fewer stations than here, so that what is kept of them is full too.

@@ -81,11 +81,11 @@ def drawn_run(seed):
 
 @pytest.mark.slow
 def test_rewording_every_reason_changes_no_survey_verdict_azimuth_or_sigma(monkeypatch):
-    plain = [drawn_run(seed) for seed in range(5)]
+    plain = [drawn_run(seed) for seed in range(3)]
     records = [survey.record() for run in plain for _, survey in run]
     for code in ReasonCode:
         monkeypatch.setitem(reason_text.WORDS, code, "reworded")
-    again = [drawn_run(seed) for seed in range(5)]
+    again = [drawn_run(seed) for seed in range(3)]
     assert repr(again) == repr(plain)
     reworded = [survey.record() for run in again for _, survey in run]
     assert {record.verdict for record in records} == {0, 1, 2}

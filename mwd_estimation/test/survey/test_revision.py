@@ -38,9 +38,14 @@ def seek(began_ns, azimuth=AZIMUTH, sigma=0.05, refused=None):
     return Solution(refused, "still", azimuth, sigma, 0.8, 0.0, 60.0, sigma, began_ns=began_ns)
 
 
-def live(taken):
+def live_and_revised(taken):
+    """Return stations and findings as they are taken, and as all the others judge them in the end."""
     model = RunModel(SETTINGS)
-    return [(judged(one.measured, found, SETTINGS), found) for one in taken for found in (model.take(one),)]
+    first = [model.take(one) for one in taken]
+    return [
+        [(judged(one.measured, found, SETTINGS), found) for one, found in zip(taken, every, strict=True)]
+        for every in (first, findings(taken, SETTINGS, first)[1])
+    ]
 
 
 def by_all_others(taken, k):
@@ -52,14 +57,10 @@ def by_all_others(taken, k):
 
 
 def revised(taken):
-    model = RunModel(SETTINGS)
-    return [
-        (judged(one.measured, found, SETTINGS), found)
-        for one, found in zip(taken, findings(taken, SETTINGS, [model.take(one) for one in taken])[1], strict=True)
-    ]
+    return live_and_revised(taken)[1]
 
 
-@pytest.mark.slow(3)
+@pytest.mark.slow(1.2)
 def test_north_found_after_a_half_turn_revises_the_survey_before_the_turn():
     unknown = Reason(ReasonCode.GYRO_BIAS_UNKNOWN, 0.5, 0.3)
     taken = []
@@ -73,7 +74,7 @@ def test_north_found_after_a_half_turn_revises_the_survey_before_the_turn():
         assert abs(wrap_pi(one.azimuth - AZIMUTH)) < one.sigma_azimuth
 
 
-@pytest.mark.slow(3)
+@pytest.mark.slow(0.5)
 def test_azimuths_of_one_seek_are_one_reading_of_the_gyro():
     # A wrong gyro beside a magnetometer in order: two readings of it would be believed, one is not.
     apart = [revised([station(0.8, 0.0, seek(1, 2.3)), station(0.8, 2.0, seek(began, 2.3))]) for began in (1, 2)]
@@ -82,8 +83,8 @@ def test_azimuths_of_one_seek_are_one_reading_of_the_gyro():
     assert {one.verdict for one, _ in apart[0]} == {"doubtful"}
 
 
-@pytest.mark.slow(3)
-@pytest.mark.parametrize("per_stand_deg", [1.0, -2.0])
+@pytest.mark.slow(1.3)
+@pytest.mark.parametrize("per_stand_deg", [pytest.param(1.0, marks=pytest.mark.nightly), -2.0])
 def test_a_gyro_that_drifts_does_not_overrule_a_sound_magnetometer(per_stand_deg):
     rng = np.random.default_rng(4)
     taken = []
@@ -91,14 +92,13 @@ def test_a_gyro_that_drifts_does_not_overrule_a_sound_magnetometer(per_stand_deg
         north = AZIMUTH + math.radians(per_stand_deg * k + 0.4 * rng.standard_normal())
         one = station(0.5 + 0.06 * k, 2.0 * k, seek(k, north, sigma=0.02), noise=2e-8 * rng.standard_normal(3))
         taken.append(one._replace(hours=0.5 * k))
-    now = revised(taken)
-    for one, _ in (*live(taken), *now):
+    first, now = live_and_revised(taken)
+    for one, _ in (*first, *now):
         assert one.verdict != "accept" or abs(wrap_pi(one.azimuth - AZIMUTH)) < 3.0 * one.sigma_azimuth
     assert sum(one.verdict == "accept" for one, _ in now) >= 12
     assert max(abs(wrap_pi(one.azimuth - AZIMUTH)) for one, _ in now) < math.radians(1.5)
 
 
-@pytest.mark.slow(3)
 def test_the_second_azimuth_of_one_seek_does_not_bear_out_the_first():
     """A wrong gyro beside a magnetometer in order, read before and after a turn in place; the next one is right."""
     found = []
@@ -113,7 +113,7 @@ def test_the_second_azimuth_of_one_seek_does_not_bear_out_the_first():
     assert found[1] == ["doubtful", "accept", "accept"]
 
 
-@pytest.mark.slow(3)
+@pytest.mark.slow(1.8)
 @pytest.mark.parametrize("more", [((0.0, 1e-9),), ((math.pi, 0.0), (0.0, 1e-9)), ((0.0, 0.0),)])
 def test_surveys_asked_for_in_a_seek_leave_its_reading_with_the_run(more):
     """Steel at each station: again at rest, a turn there and back, and the same readings again."""
@@ -121,25 +121,26 @@ def test_surveys_asked_for_in_a_seek_leave_its_reading_with_the_run(more):
     for k, turned in enumerate(places):
         for toolface, noise in ((0.0, 0.0), *more):
             taken.append(station(0.8 + 0.05 * k, 0.3 + k + toolface, seek(k), turned, noise))
-    single = taken[:: len(more) + 1]
-    for judge in (live, revised):
-        first = judge(taken)[:: len(more) + 1]
-        assert [one.verdict for one, _ in first] == [one.verdict for one, _ in judge(single)]
+    single, every = live_and_revised(taken[:: len(more) + 1]), live_and_revised(taken)
+    for alone, together in zip(single, every, strict=True):
+        first = together[:: len(more) + 1]
+        assert [one.verdict for one, _ in first] == [one.verdict for one, _ in alone]
         for one, found in first:
             assert abs(wrap_pi(one.azimuth - AZIMUTH)) < one.sigma_azimuth
             assert found.by_gyro > 0.5
-    assert {one.verdict for one, found in revised(taken) if found.repeats is None} == {"accept"}
+    assert {one.verdict for one, found in every[1] if found.repeats is None} == {"accept"}
 
 
-@pytest.mark.slow(3)
+@pytest.mark.slow(0.7)
 def test_a_refusal_amid_a_seek_makes_no_second_reading_of_it():
     refusal = Solution(Reason(ReasonCode.TOOL_NOT_STILL), "still")
     for began_ns in (1, None):
         refused = dataclasses.replace(refusal, began_ns=began_ns)
         taken = [station(0.8, 2.0 * k, gyro) for k, gyro in enumerate((seek(1, 2.3), refused, seek(1, 2.3)))]
-        assert "accept" not in [one.verdict for one, found in revised(taken) if found.of_gyro is not None]
+        first, now = live_and_revised(taken)
+        assert "accept" not in [one.verdict for one, found in now if found.of_gyro is not None]
         if began_ns is not None:
-            assert [one.verdict for one, _ in live(taken)][::2] == ["doubtful", "doubtful"]
+            assert [one.verdict for one, _ in first][::2] == ["doubtful", "doubtful"]
 
 
 def test_what_the_turning_string_showed_during_a_seek_is_kept():
@@ -162,12 +163,12 @@ def test_a_seek_without_a_beginning_is_that_of_its_station_alone():
         assert one.sigma_azimuth == other.sigma_azimuth
 
 
-@pytest.mark.slow(2)
+@pytest.mark.slow(1)
 def test_the_number_of_stations_kept_at_a_time_changes_nothing_and_every_station_is_counted(monkeypatch):
     rng = np.random.default_rng(2)
     taken = [station(0.5 + 0.1 * k, 2.0 * k, None, noise=3e-8 * rng.standard_normal(3)) for k in range(5)]
-    first, runs = [found for _, found in live(taken)], []
-    for block in (320, 5, 2, 1):
+    first, runs = [found for _, found in live_and_revised(taken)[0]], []
+    for block in (320, 2, 1):
         monkeypatch.setattr(revision, "_BLOCK", block)
         for known in (None, first):
             done: list[float] = []
@@ -221,8 +222,8 @@ def test_the_string_and_mount_are_known_from_other_stations_of_the_same_attitude
         assert found.circle.sigma == pytest.approx(others.circle.sigma, rel=0.05)
 
 
-@pytest.mark.slow(5)
-@pytest.mark.parametrize("sigma", [None, 0.02, 0.1])
+@pytest.mark.slow(1)
+@pytest.mark.parametrize("sigma", [None, 0.02, pytest.param(0.1, marks=pytest.mark.nightly)])
 def test_a_revision_is_that_of_a_model_that_has_learned_all_other_stations(sigma):
     """Sigma: of the gyro, rad; None: no gyro."""
     rng = np.random.default_rng(8)
@@ -244,7 +245,7 @@ def test_the_stations_on_each_side_of_a_trip_have_the_string_of_their_side():
         axial = np.array([4e-6 if k < 4 else -4e-6, 0.0, 0.0])
         one = station(0.9 + 0.05 * k, 2.0 * k, None, noise=axial + 3e-8 * rng.standard_normal(3))
         taken.append(one._replace(hours=0.5 * k + (30.0 if k >= 4 else 0.0)))
-    for (one, _), (first, _) in zip(revised(taken), live(taken), strict=True):
+    for (first, _), (one, _) in zip(*live_and_revised(taken), strict=True):
         assert one.verdict == "accept"
         assert abs(wrap_pi(one.azimuth - AZIMUTH)) < 2.0 * one.sigma_azimuth
         assert one.sigma_azimuth < 1.02 * first.sigma_azimuth

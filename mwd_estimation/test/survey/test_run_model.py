@@ -90,7 +90,7 @@ def test_what_was_told_already_counts_once():
 def test_single_stations_of_a_tool_err_by_their_sigma_where_it_states_how_its_mount_may_be_turned(mount_deg):
     rng, found = np.random.default_rng(8), []
     settings = dataclasses.replace(SETTINGS, errors=dataclasses.replace(BENCH, mount_deg=mount_deg))
-    for _ in range(60):
+    for _ in range(40):
         turn, azimuth = np.radians(mount_deg) * rng.standard_normal(3), rng.uniform(0.0, math.tau)
         one = measured(*readings(rng.uniform(0.0, math.tau), turn, np.zeros(2), azimuth), REFERENCE, settings)
         station = judged(one, RunModel(settings).take(Taken(one)), settings)

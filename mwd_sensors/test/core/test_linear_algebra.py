@@ -9,13 +9,16 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-# What `ros2 run` and launch files do before they call `main`; OpenBLAS reads the variable with numpy.
+# What `ros2 run` and launch files do before they call `main`; OpenBLAS reads the variable with numpy, and what is
+# imported after it does not matter.
 ENTRY_POINT = """
 import os, sys
 from importlib import import_module
 class Watch:
     def find_spec(self, name, *_):
-        if name == "numpy": print(os.environ.get("OPENBLAS_NUM_THREADS"))
+        if name == "numpy":
+            print(os.environ.get("OPENBLAS_NUM_THREADS"))
+            sys.exit()
 sys.meta_path.insert(0, Watch())
 import_module(sys.argv[1])
 """
