@@ -280,6 +280,9 @@ def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header 
                     table = _assembled(name, grid, where, names, is_unit, comments)
                     return dataclasses.replace(table, separator=separator)
     separator = _most(lines[0][1])
+    if separator == SPACE and all(len(line.split()) == 1 for _, line in lines[1:3]):
+        # A single column, whose name has several words.
+        separator = WIDE
     grid, faults = _parted(lines, separator, name)
     if faults and is_header is None:
         raise next(iter(faults.values()))
