@@ -145,6 +145,13 @@ def order_of(ways: list[Array]) -> tuple[int | None, bool]:
     return int(np.argmin(spans)), spans.count(min(spans)) == 1
 
 
+def dated(days: Sequence[str], clocks: Sequence[str]) -> list[str]:
+    """Return the times of a column of dates and a column of clocks as `iso_texts`; either may be empty texts."""
+    # The clock of a spreadsheet's date is midnight.
+    pairs = zip((day.removesuffix("T00:00:00") for day in days), clocks, strict=True)
+    return iso_texts([f"{day} {clock}".strip() for day, clock in pairs])
+
+
 def iso_texts(texts: Sequence[str]) -> list[str]:
     """
     Return the times of a column of text as ISO 8601, UTC if the texts name no zone.

@@ -196,9 +196,9 @@ def _sexagesimal(text: str) -> float:
 
 def texts(columns: Sequence[Sequence[Cell]]) -> list[list[str]]:
     """
-    Return columns as text: numbers with a decimal point, null values as empty text.
+    Return columns as text: numbers with a decimal point, null values as empty text, other cells as they are.
 
-    A column that contains any words stays as it is. If no cell reveals the decimal mark, the point is the decimal mark.
+    If no cell reveals the decimal mark, the point is the decimal mark.
     """
     shown = set().union(*(marks(cells) for cells in columns)) if columns else set()
     whole = next(iter(shown)) if len(shown) == 1 else "."
@@ -206,21 +206,19 @@ def texts(columns: Sequence[Sequence[Cell]]) -> list[list[str]]:
     for cells in columns:
         own = marks(cells)
         mark = next(iter(own)) if len(own) == 1 else whole
-        try:
-            done.append(["" if is_null(cell) else _canonical(cell, mark) for cell in cells])
-        except ValueError:
-            done.append([cell.strip() if isinstance(cell, str) else repr(cell) for cell in cells])
+        done.append(["" if is_null(cell) else _canonical(cell, mark) for cell in cells])
     return done
 
 
 def _canonical(cell: Cell, mark: str) -> str:
+    """Return a cell as text, a number with a decimal point."""
     if isinstance(cell, float):
         return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
     found = split(cell)
-    if found is None or found[1]:
-        raise ValueError(cell)
-    number = found[0]
-    if mark == "," or "," in number:
-        return repr(value(number, mark))
-    float(number)
-    return number
+    try:
+        if found is not None and (mark == "," or "," in found[0]):
+            return f"{value(found[0], mark)!r} {found[1]}".strip()
+    except ValueError:
+        # Words that begin like a number.
+        pass
+    return cell.strip() if found is None or found[1] else found[0]

@@ -178,16 +178,16 @@ def _decoded(data: bytes, name: str) -> str:
         return data.decode("latin-1")
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path, is_header: Header | None = None, is_unit: Header | None = None) -> Table:
     """
-    Return the named columns of a file; the first line that is not a comment has the names.
+    Return the named columns of a file; is_header, is_unit: see `table_of`.
 
     Raises
     ------
     ListFileError
         The file cannot be read, is empty, has only names, has a name twice, or has a row with more cells than names.
     """
-    table = table_of(read_bytes(path), str(path))
+    table = table_of(read_bytes(path), str(path), is_header, is_unit)
     named = [name for name in table.names if name]
     twice = sorted({name for name in named if named.count(name) > 1})
     if twice:
