@@ -146,10 +146,15 @@ def order_of(ways: list[Array]) -> tuple[int | None, bool]:
 
 
 def dated(days: Sequence[str], clocks: Sequence[str]) -> list[str]:
-    """Return the times of a column of dates and a column of clocks as `iso_texts`; either may be empty texts."""
+    """
+    Return the times of a column of dates and a column of clocks as `iso_texts`; either may be empty texts.
+
+    If the clocks contain dates, or the days do not, only the clocks are read.
+    """
     # The clock of a spreadsheet's date is midnight.
     pairs = zip((day.removesuffix("T00:00:00") for day in days), clocks, strict=True)
-    return iso_texts([f"{day} {clock}".strip() for day, clock in pairs])
+    times = iso_texts([f"{day} {clock}".strip() for day, clock in pairs])
+    return times if any(map(_is_iso, times)) else iso_texts(clocks)
 
 
 def iso_texts(texts: Sequence[str]) -> list[str]:

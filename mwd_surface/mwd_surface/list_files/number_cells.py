@@ -57,6 +57,7 @@ _NUMBER = re.compile(
     re.DOTALL,
 )
 _SPACES = re.compile("(?<=\\d)['’\u00a0\u202f\u2009 ](?=\\d{3}(?!\\d))")
+_FORMULA = re.compile(r'^="(.*)"$')
 _LONGEST = 100  # longest text read as a number with unit, characters; matching time grows with the square of the length
 _GROUPED = re.compile(r"^[+-]?[1-9]\d{0,2}(?P<mark>[.,])\d{3}$")
 
@@ -88,7 +89,8 @@ def split(cell: Cell) -> tuple[str, str] | None:
     """Return the number in a cell, without group spaces, and the words after it; None if the cell is not a number."""
     if isinstance(cell, float):
         return repr(cell), ""
-    text = cell.strip().translate(_MINUS)
+    # Programs write ="12.5" so that a spreadsheet keeps the text of a number.
+    text = _FORMULA.sub(r"\1", cell.strip()).translate(_MINUS)
     if len(text) > _LONGEST:
         return None
     # Spreadsheets put an apostrophe in front of a number that is stored as text.
