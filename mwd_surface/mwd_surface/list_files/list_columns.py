@@ -309,6 +309,7 @@ _OTHERS = re.compile(
 )
 _LENGTHS = ("md", "tvd", "north", "east", "map_north", "map_east")
 _SUBSEA = frozenset(["ss", "tvdss", "mtvdss", "subsea", "sub", "sea", "msl", "mtvd", "lat"])
+_OF_THE_HOLE = re.compile(r"\bhole (?:depth|length)\b|\btotal measured depth\b")
 # Words after an angle that make another quantity of it, such as its error.
 _OF_AN_ANGLE = frozenset(
     [
@@ -449,6 +450,10 @@ def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] 
             of[column.quantity] = (*of.get(column.quantity, ()), column)
         elif _resembles(name):
             unread.append(column)
+    measured = tuple(one for one in of.get("md", ()) if not _OF_THE_HOLE.search(_words(one.name)))
+    if measured:
+        # The depth of the hole at the time of a survey is not the depth of the survey.
+        of["md"] = measured
     directed = tuple(one for one in of.get("dip", ()) if points(one.name))
     if directed:
         # If a dip column states its direction, other dip columns are those of the magnetic field.

@@ -58,9 +58,10 @@ _START_ROWS = ("tie-on", "assumed")  # rows of exports of this program that are 
 _USABLE = frozenset(
     [
         *("accept", "accepted", "ok", "okay", "good", "pass", "passed", "yes", "y", "true", "valid", "used", "in use"),
-        *("approved", "definitive", "final", "open", "position", "doubtful", "reject", "survey", ""),
+        *("approved", "definitive", "final", "open", "position", "reject", "survey", ""),
     ]
 )
+_DOUBTFUL = frozenset(["doubtful", "suspect", "suspicious", "questionable", "poor"])
 _UNUSABLE = frozenset(
     [
         *("rejected", "bad", "fail", "failed", "no", "n", "false", "invalid", "unused", "not used", "do not use"),
@@ -89,7 +90,7 @@ def _verdict(row: _ListedStation) -> str:
     if row.texts.get("in_use", "").lower() == "yes" or row.texts.get("station") in (*_START_ROWS, "survey"):
         return "accept"
     word = row.texts.get("verdict", "").lower()
-    return word if word in ("", "doubtful", "reject") else "accept"
+    return "doubtful" if word in _DOUBTFUL else word if word in ("", "reject") else "accept"
 
 
 def is_list(path: Path) -> bool:
@@ -317,7 +318,7 @@ class _ListReader:
             if words & _UNUSABLE:
                 unused += 1
                 continue
-            strange |= words - _USABLE
+            strange |= words - _USABLE - _DOUBTFUL
             if "md" not in numbers or angle not in numbers:
                 empty.append(row)
                 continue

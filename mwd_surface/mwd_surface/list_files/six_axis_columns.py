@@ -233,7 +233,7 @@ def _depth(
     Without such a column, the depth of the bit is used. Raises ValueError if a unit is not understood, or if two
     columns differ.
     """
-    found = [one for k, name in enumerate(names) if (one := list_columns.column_of(k, name)).quantity == "md"]
+    found = list(list_columns.find(names).of.get("md", ()))
     if not found:
         bit = _match(names, _BIT)
         if bit:

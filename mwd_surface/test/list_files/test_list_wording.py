@@ -339,6 +339,14 @@ def test_a_station_that_its_list_rejects_is_left_out(name, accepted, rejected, b
     assert [one.kind for one in stations.remarks] == [RemarkKind.ROWS_LEFT_OUT]
 
 
+def test_a_suspect_station_is_doubtful():
+    stations = read(
+        with_column("QC", "Good", extra="120.00,3.00,120.00,Suspect").replace("120.00,3.00,118.25,Good\n", "")
+    )
+    assert [k for k, verdict in enumerate(stations.verdict) if verdict != "accept"] == [4]
+    assert stations.verdict[4] == "doubtful"
+
+
 def test_a_word_that_neither_accepts_nor_rejects_is_quoted():
     stations = read(with_column("Status", "A7", extra=""))
     assert_read(stations)
@@ -382,6 +390,13 @@ def test_a_column_of_the_north_is_the_north(name):
     stations = read("\n".join([f"MD (m),Inc,Azi,{name}", *lines]))
     assert_read(stations)
     assert stations.north == "grid"
+
+
+def test_the_depth_of_the_hole_is_not_the_depth_of_a_survey_unless_it_is_the_only_depth():
+    lines = rows(",", ".").splitlines()
+    deeper = [f"{md + 15.0:.2f},{line}" for md, line in zip(MD, lines, strict=True)]
+    assert_read(read("\n".join(["Hole Depth (m),Survey Depth (m),Inc,Azi", *deeper])))
+    assert_read(read("\n".join(["Hole Depth (m),Inc,Azi", *lines])))
 
 
 def test_the_errors_of_the_angles_are_not_angles():

@@ -200,6 +200,7 @@ FILES = {
     ),
     "other names of the depth": PLAIN.replace("MD (m)", "Meas. Depth (m)"),
     "depth of the bit beside": lines(["Bit Depth (m)", *METRIC], [[row[0] + 15.0, *row] for row in readings()]),
+    "depth of the hole beside": lines(["Hole Depth (m)", *METRIC], [[row[0] + 15.0, *row] for row in readings()]),
     "units in the cells": PLAIN.replace("500.000000,", "500.0 m,"),
     "notes and totals": PLAIN.replace("590.0", "Bit trip,,,,,,\n590.0") + "Total,6,stations\n",
     "header again": PLAIN.replace("590.0", f"{','.join(METRIC)}\n590.0"),

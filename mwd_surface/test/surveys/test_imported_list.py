@@ -55,6 +55,14 @@ def test_the_path_starts_at_the_first_station_the_wellhead_or_where_the_caller_s
         survey_list(bare, tie_on=TieOn(900.0))
 
 
+def test_an_inclined_station_without_azimuth_is_not_used_for_this_reason_also_on_demand():
+    stations = list_of(b"md_m,inc,azi_true\n0,0,\n100,5,0\n200,9,\n300,9,0\n")
+    for every in (False, True):
+        surveys = survey_list(stations, every=every)
+        assert surveys.definitive().md.tolist() == [0.0, 100.0, 300.0]
+        assert "1 of 3 stations are not used, because they are inclined" in surveys.remarks[-1].text
+
+
 def test_stations_whose_verdict_is_not_accept_are_listed_and_used_only_on_demand():
     stations = list_of(b"md_m,inc,azi_true,verdict\n0,0,0,accept\n100,5,0,accept\n200,9,0,doubtful\n300,9,0,reject\n")
     surveys = survey_list(stations)
