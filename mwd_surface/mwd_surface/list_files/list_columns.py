@@ -285,9 +285,10 @@ _NAMES = {name: what for what, names in _WORDS.items() for name in names.split("
 _WHOLE = {
     name: what
     for what, names in {
-        "verdict": "status|survey status|station status|qc|qc status|qc flag|quality|survey quality|flag",
+        "verdict": "status|survey status|station status|qc|survey qc|qc status|qc flag|qc result|quality|"
+        "survey quality|flag|accept reject|accepted rejected|good bad|pass fail",
         "": "at azim|at azi|at azimuth",
-        "in_use": "use|used|accepted|valid|include|included|survey accepted",
+        "in_use": "use|used|accept|accepted|survey accepted|good|ok|valid|include|included|qc pass|qc passed|pass",
         "leg": "hole|hole id|holeid|hole name|hole no|hole number|bhid|dhid|borehole|borehole id|drillhole|"
         "drillhole id|wellbore|wellbore name|well|well name|uwi|leg name|孔号",
     }.items()
@@ -317,7 +318,9 @@ _OF_AN_ANGLE = frozenset(
         *("rate", "correction"),
     ]
 )
-_KEYS = re.compile(r"azi|asim|incl|inclin|inkl|depth|\btvd|north|east|方位|深|倾|глубин|азимут|угол")
+_KEYS = re.compile(
+    r"\bbad\b|reject|exclu|azi|asim|incl|inclin|inkl|depth|\btvd|north|east|方位|深|倾|глубин|азимут|угол"
+)
 
 
 @dataclasses.dataclass(frozen=True)

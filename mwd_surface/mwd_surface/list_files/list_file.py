@@ -314,6 +314,9 @@ class _ListReader:
                 # Exports of this program end with a projection to the bit, which is not a station.
                 continue
             use, quality = said.get("in_use", "").lower(), said.get("verdict", "").lower()
+            if quality == "reject" and self.columns["verdict"].name.lower() != "verdict":
+                # In the column "verdict" of this project such a station is listed.
+                quality = "rejected"
             words = {_NUMBERED.get(use, use), quality}
             if words & _UNUSABLE:
                 unused += 1

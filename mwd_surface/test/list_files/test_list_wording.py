@@ -330,6 +330,8 @@ def with_column(name, word, *, extra):
         ("Use", "Y", "N"),
         ("Used", "1", "0"),
         ("Accepted", "true", "false"),
+        ("Accept/Reject", "Accept", "Reject"),
+        ("QC Pass", "Yes", "No"),
     ],
 )
 @pytest.mark.parametrize("bad", ["119.00,3.00,291.00", "120.00,3.00,291.00"])
@@ -351,6 +353,8 @@ def test_a_word_that_neither_accepts_nor_rejects_is_quoted():
     stations = read(with_column("Status", "A7", extra=""))
     assert_read(stations)
     assert any("'a7'" in one.text for one in stations.remarks)
+    marked = read(with_column("Bad", "", extra=""))
+    assert [one.kind for one in marked.remarks] == [RemarkKind.COLUMN_NOT_READ]
 
 
 def test_a_list_from_the_bottom_up_is_the_same_list():
