@@ -95,7 +95,7 @@ def _verdict(row: _ListedStation) -> str:
 
 def is_list(path: Path) -> bool:
     """Return whether a file may be a list of stations: not a recording, and not a survey list of this program."""
-    if not path.is_file():
+    if not path.is_file() or path.suffix == ".json":
         return False
     with path.open("rb") as file:
         start = file.read(64)
