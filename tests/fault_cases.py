@@ -18,7 +18,7 @@ _BROWSER = "tests/browser"
 
 @dataclasses.dataclass(frozen=True)
 class Held:
-    """A test that holds cases: its file from the root, its name, the numbers, and whether it may be skipped."""
+    """A test that holds cases, or a whole file of tests, whose name is then empty; whether it may be skipped."""
 
     file: str
     name: str
@@ -55,13 +55,21 @@ def _in_file(path: Path) -> Iterator[Held]:
     if "fault_case" not in text:
         return
     for node in ast.walk(ast.parse(text)):
-        if not isinstance(node, ast.FunctionDef) or not node.name.startswith("test_"):
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+            name, marks = node.name, node.decorator_list
+        elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark":
+            name, marks = "", node.value.elts if isinstance(node.value, ast.List) else [node.value]
+        else:
             continue
-        marks = [mark for mark in node.decorator_list if isinstance(mark, ast.Call) and _name(mark) == "fault_case"]
-        numbers = tuple(ast.literal_eval(argument) for mark in marks for argument in mark.args)
+        numbers = tuple(
+            ast.literal_eval(argument)
+            for mark in marks
+            if isinstance(mark, ast.Call) and _name(mark) == "fault_case"
+            for argument in mark.args
+        )
         if numbers:
-            skipped = any(_name(mark) in ("skip", "skipif", "xfail") for mark in node.decorator_list)
-            yield Held(file, node.name, numbers, skipped or file.startswith(_BROWSER))
+            skipped = any(_name(mark) in ("skip", "skipif", "xfail") for mark in marks)
+            yield Held(file, name, numbers, skipped or file.startswith(_BROWSER))
 
 
 def _name(mark: ast.expr) -> str:
@@ -88,6 +96,9 @@ def page() -> str:
         if case.group != group:
             group = case.group
             lines += [f"\n## {group}\n", "| no | case | expected | tests | not covered |", "|---|---|---|---|---|"]
-        names = "<br>".join(f"`{one.name}` ({Path(one.file).name})" for one in tests.get(case.number, []))
+        names = "<br>".join(
+            f"`{one.name}` ({Path(one.file).name})" if one.name else f"`{Path(one.file).name}`"
+            for one in tests.get(case.number, [])
+        )
         lines.append(f"| {case.number} | {case.case} | {case.expected} | {names} | {case.not_covered} |")
     return "\n".join(lines) + "\n"

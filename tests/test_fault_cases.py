@@ -34,3 +34,8 @@ def test_the_page_lists_every_case_with_its_tests():
     page = fault_cases.page()
     assert page.count("\n| ") == 100 + page.count("| no | case |")
     assert "test_two_recorders_cannot_share_a_folder" in page
+
+
+def test_a_mark_on_a_file_counts_for_its_tests():
+    whole = {number for test in fault_cases.held() if not test.name for number in test.numbers}
+    assert whole >= {66, 69, 86, 89}

@@ -149,9 +149,20 @@ def imported(tmp_path_factory):
     return done.stdout.splitlines()[-1].split()
 
 
+# In the gate: a package with another import name, one of the project, one that is imported first, one that prints and
+# one that is imported late.
+HIDDEN_IN_GATE = {"PyYAML", "mwd_estimation", "numpy", "rich", "welleng"}
+
+
 @pytest.mark.slow(1)
 @pytest.mark.fault_case(97, 98)
-@pytest.mark.parametrize("package", sorted({name.strip() for name in NEEDED}))
+@pytest.mark.parametrize(
+    "package",
+    [
+        pytest.param(name, marks=() if name in HIDDEN_IN_GATE else pytest.mark.nightly)
+        for name in sorted({name.strip() for name in NEEDED})
+    ],
+)
 def test_a_package_that_is_not_installed_is_named_with_the_command_that_installs_it(package, imported, tmp_path):
     """Each package that the project needs is hidden; a command either does not import it, or names it."""
     module = IMPORTED_AS.get(package, package)

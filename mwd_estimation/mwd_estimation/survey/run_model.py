@@ -418,8 +418,8 @@ def _directions(one: Row) -> tuple[Array, Array]:
 def _with_gyro(one: Row, other: Row | None) -> Row:
     """Return the record of a station with the gyro azimuth of `other`, or without a gyro azimuth if `other` is None."""
     row = one.copy()
-    for name in ("gyro", "gyro_other", "gyro_lasting", "gyro_variance"):
-        row[name] = other[name] if other is not None else math.nan if name == "gyro" else 0.0
+    for name, value in field_model.NO_GYRO.items():
+        row[name] = value if other is None else other[name]
     return row
 
 

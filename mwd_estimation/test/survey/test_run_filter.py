@@ -63,6 +63,13 @@ def test_a_field_turned_about_the_vertical_is_too_improbable_to_widen_the_sigma_
     assert read(turned.evidence(one)).sigma == pytest.approx(read(alone.evidence(one)).sigma, rel=0.1)
 
 
+def test_without_a_gyro_only_the_azimuths_of_the_field_are_resolved_finely():
+    angles = RunFilter(Priors(), SIGMAS).evidence(station(1.0, 2.0, 0.7)).angles
+    fine = angles[1:][np.diff(angles) < 0.9 * np.diff(circle.coarse())[0]]
+    assert fine.size > 100
+    assert (np.abs(fine - 2.0) < 0.25).all()
+
+
 @pytest.mark.slow
 def test_the_declination_is_never_averaged_away():
     model, rng = RunFilter(ALONE, SIGMAS), np.random.default_rng(1)

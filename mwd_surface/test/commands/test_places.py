@@ -13,7 +13,7 @@ from mwd_surface.processing import process
 from mwd_surface.runs import simulate
 from mwd_surface.surveys.recorded_settings import recorded_settings
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(1.5)
 
 STORY = """
 name: s
@@ -21,10 +21,17 @@ seed: 5
 date: 2026-03-01T06:00:00
 well: {stations: [[0.0, 30.0, 40.0], [600.0, 60.0, 40.0]], bit_m: 33.0, sensor_to_bit_m: 3.0}
 schedule:
-  - {kind: still, seconds: 20.0}
-  - {kind: drill, seconds: 20.0, rpm: 60.0, rop_m_h: 3600.0}
-  - {kind: still, seconds: 20.0}
+  - {kind: still, seconds: 14.0}
+  - {kind: drill, seconds: 10.0, rpm: 60.0, rop_m_h: 3600.0}
+  - {kind: still, seconds: 14.0}
 """
+
+
+@pytest.fixture(autouse=True)
+def _undrawn(monkeypatch):
+    """Leave the drawing of reports to the tests of exports."""
+    for kind in ("html", "pdf"):
+        monkeypatch.setattr(f"mwd_surface.exports.report_{kind}.report_{kind}", lambda _table: "a report")
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 """The PDF report read back: every printed cell, and its pages counted."""
 
 import dataclasses
+import functools
 import io
 
 import example_surveys as example
@@ -53,11 +54,18 @@ def test_head_certificate_and_page_numbers_are_printed(pages):
         assert f"page {k} of {len(pages)}" in text
 
 
+@functools.cache
+def report_of(stations, language="en"):
+    """Report of a list of a number of stations."""
+    surveys = example.surveys(dataclasses.replace(example.WELL, language=language))
+    surveys = surveys.with_records(surveys.records[:stations])
+    for k in range(13, stations + 1):
+        surveys = surveys.add(example.survey(k, 40.0, 79.8), 270.0 + 30.0 * k, 0.1)
+    return pypdf.PdfReader(io.BytesIO(report_pdf(survey_table(surveys, example.MADE))))
+
+
 def test_a_long_list_flows_over_pages_and_repeats_its_titles():
-    whole = example.surveys()
-    for k in range(13, 90):
-        whole = whole.add(example.survey(k, 40.0, 79.8), 270.0 + 30.0 * k, 0.1)
-    reader = pypdf.PdfReader(io.BytesIO(report_pdf(survey_table(whole, example.MADE))))
+    reader = report_of(60)
     texts = [page.extract_text() for page in reader.pages]
     assert sum("Inc" in t and "TVD" in t for t in texts) >= 3
     assert reader.metadata.title == "Survey report Åsgard Ω-1, Ω-1 ST0"
@@ -74,10 +82,12 @@ def tall_section(height_to_width, wide):
 
 
 @pytest.mark.parametrize("wide", [True, False])
-def test_drawings_lie_whole_on_the_page_of_their_heading(table, wide):
+def test_drawings_lie_whole_on_the_page_of_their_heading(wide):
     heights_to_widths, headed = (0.2, 0.7, 1.0, 3.0), []
-    sections = (*table.sections, *(tall_section(ratio, wide) for ratio in heights_to_widths))
-    for page in pypdf.PdfReader(io.BytesIO(report_pdf(dataclasses.replace(table, sections=sections)))).pages:
+    surveys = example.surveys()
+    short = survey_table(surveys.with_records(surveys.records[:4]), example.MADE)
+    sections = (*short.sections, *(tall_section(ratio, wide) for ratio in heights_to_widths))
+    for page in pypdf.PdfReader(io.BytesIO(report_pdf(dataclasses.replace(short, sections=sections)))).pages:
         seen = []
 
         def image(operator, operands, current, _text, page=page, seen=seen):
@@ -118,16 +128,19 @@ def filled(page):
 
 
 # As many stations as the demonstration has in both languages, then long lists.
-@pytest.mark.slow(8)
-@pytest.mark.parametrize(("stations", "language"), [(4, "en"), (4, "zh_CN"), (12, "en"), (42, "zh_CN"), (60, "en")])
+@pytest.mark.slow(4)
+@pytest.mark.parametrize(
+    ("stations", "language"),
+    [
+        pytest.param(4, "en", marks=pytest.mark.nightly),
+        (4, "zh_CN"),
+        pytest.param(12, "en", marks=pytest.mark.nightly),
+        pytest.param(42, "zh_CN", marks=pytest.mark.nightly),
+        (60, "en"),
+    ],
+)
 def test_no_page_is_nearly_empty(stations, language):
-    surveys = example.surveys()
-    surveys = dataclasses.replace(surveys, well=dataclasses.replace(surveys.well, language=language))
-    surveys = surveys.with_records(surveys.records[:stations])
-    for k in range(13, stations + 1):
-        surveys = surveys.add(example.survey(k, 40.0, 79.8), 270.0 + 30.0 * k, 0.1)
-    pages = pypdf.PdfReader(io.BytesIO(report_pdf(survey_table(surveys, example.MADE)))).pages
-    shares = [filled(page) for page in pages]
+    shares = [filled(page) for page in report_of(stations, language).pages]
     # The last page ends where the report does.
     assert min(shares[:-1]) > 0.35, shares
     assert shares[-1] > 0.15, shares

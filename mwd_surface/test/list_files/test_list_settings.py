@@ -67,28 +67,43 @@ def own(tmp_path_factory):
     return folder / "own.csv", folder / "path"
 
 
-@pytest.mark.parametrize("name", [*LISTS, "plain"])
-def test_every_command_that_names_a_list_asks_and_takes_the_answer(name, own, tmp_path, monkeypatch):
+# Commands that name a list, without the words of it, and the option before these words.
+COMMANDS = {
+    "path": (("path", "x.csv", "-o", "a"), ""),
+    "forecast": (("forecast", "x.csv", "-o", "b", *FIELD), ""),
+    "plan": (("export", "{path}", "-f", "csv", "-o", "c.csv", "--plan", "x.csv"), "--plan-set"),
+    "against": (("path", "{own}", "-o", "d", "--against", "x.csv"), "--against-set"),
+}
+# In the gate each list with one command, and each command with a list that needs no word, one word and several.
+FEW = ("plain", "unit", "columns")
+
+
+@pytest.mark.slow(0.3)
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        pytest.param(name, command, marks=() if name in FEW or command == "plan" else pytest.mark.nightly)
+        for name in (*LISTS, "plain")
+        for command in COMMANDS
+    ],
+)
+def test_every_command_that_names_a_list_asks_and_takes_the_answer(name, command, own, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text, words = LISTS.get(name, (OWN, {}))
     (tmp_path / "x.csv").write_text(text)
-    for command, option in (
-        (("path", "x.csv", "-o", "a"), ""),
-        (("forecast", "x.csv", "-o", "b", *FIELD), ""),
-        (("export", own[1], "-f", "csv", "-o", "c.csv", "--plan", "x.csv"), "--plan-set"),
-        (("path", own[0], "-o", "d", "--against", "x.csv"), "--against-set"),
-    ):
-        answered = run(*command, *said(words, option))
-        if name in ("map", "far wellhead") and "--against" in command:
-            # It begins below the end of the other list.
-            assert "no depth in common" in str(answered.exception)
-        else:
-            assert answered.exit_code == 0, (command, answered.output, answered.exception)
-        if words:
-            refused = run(*command)
-            assert refused.exit_code != 0
-            named = [f"{option} {word}=" if option else f"--{word.replace('_', '-')}" for word in words]
-            assert any(word in str(refused.exception) for word in named), refused.exception
+    given, option = COMMANDS[command]
+    given = [word.format(own=own[0], path=own[1]) for word in given]
+    answered = run(*given, *said(words, option))
+    if name in ("map", "far wellhead") and command == "against":
+        # It begins below the end of the other list.
+        assert "no depth in common" in str(answered.exception)
+    else:
+        assert answered.exit_code == 0, (answered.output, answered.exception)
+    if words:
+        refused = run(*given)
+        assert refused.exit_code != 0
+        named = [f"{option} {word}=" if option else f"--{word.replace('_', '-')}" for word in words]
+        assert any(word in str(refused.exception) for word in named), refused.exception
 
 
 @pytest.mark.parametrize("name", LISTS)

@@ -63,7 +63,7 @@ def faults(g, b, printed):
     return set(codes)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=settings().max_examples // 2, deadline=None)
 @given(seed=st.integers(0, 1000), p=st.integers(0, 47), q=st.integers(0, 47))
 def test_with_angles_in_the_table_every_wrong_wiring_that_moves_the_hole_is_named(seed, p, q):
     g, b, printed = run(seed)
@@ -97,7 +97,7 @@ def test_without_angles_the_other_sign_of_gravity_is_named_before_a_slip_of_the_
     assert not any(row.faults for row in table_rows(wrong_reference))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=settings().max_examples // 2, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     outside=st.sampled_from([0.0, 1000.0, 5000.0]),

@@ -62,7 +62,7 @@ def test_a_plot_with_chinese_texts_has_all_glyphs(draw):
         assert draw(figure)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=settings().max_examples // 3)
 @given(st.text(alphabet=st.sampled_from(HANZI), min_size=1))
 def test_a_pdf_reader_finds_the_text_that_was_written(text):
     pdf = FPDF()

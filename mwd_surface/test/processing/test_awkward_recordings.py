@@ -24,7 +24,7 @@ from mwd_surface.processing.input_stream import InputStream, RecordingStream
 from mwd_surface.processing.inspection import inspect
 from mwd_surface.runs import calibration_run
 
-pytestmark = pytest.mark.slow(1)
+pytestmark = pytest.mark.slow(0.5)
 
 PLACE = awkward.PLACE_SETTINGS | {"place.date": awkward.DAY}
 EPOCH_1980_NS = 315_964_800 * wire.NANOSECONDS
@@ -169,7 +169,13 @@ def seen_by_others(path, folder, given):
     return lines, powers, (folder / "rows.csv").read_text(), surveyed
 
 
-@pytest.mark.parametrize("way", READ_AS)
+# Two ways that the tests above and below assert too.
+BESIDES = ("half topics", "zeros between")
+
+
+@pytest.mark.parametrize(
+    "way", [pytest.param(way, marks=pytest.mark.nightly) if way in BESIDES else way for way in READ_AS]
+)
 def test_every_command_takes_the_same_samples_from_the_same_run(way, sent, others, tmp_path):
     write, given = READ_AS[way]
     path = write(tmp_path, sent)
@@ -331,7 +337,13 @@ AWKWARD = {
 }
 
 
-@pytest.mark.parametrize("name", AWKWARD)
+# Two of them that are like others.
+ALIKE = ("in turns", "magnetometer of 1980")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.nightly) if name in ALIKE else name for name in AWKWARD]
+)
 def test_what_inspect_promises_is_what_process_does(name, sent, tmp_path):
     write, options, accepted = AWKWARD[name]
     path = write(tmp_path / "b", sent)

@@ -28,6 +28,12 @@ pytestmark = pytest.mark.slow(1)
 # The day of the field is that of the recording.
 surveys = functools.partial(awkward.surveys, day="")
 SECOND = wire.NANOSECONDS
+# Each example writes a recording and reads it.
+on_recordings = settings(
+    max_examples=settings().max_examples // 4,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
 
 
 def read_samples(path, name, **wanted):
@@ -81,7 +87,7 @@ def test_a_run_at_another_speed_has_its_surveys_and_no_clock_that_is_ahead(speed
             surveys(path, stamps="recording")
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@on_recordings
 @given(
     which=st.sampled_from([0, 1]),
     after_s=st.floats(0.5, 39.0),
@@ -98,7 +104,7 @@ def test_times_of_the_recording_do_not_depend_on_when_a_clock_was_set(which, aft
     assert len(found) >= len(samples) - 3
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@on_recordings
 @given(seed=st.integers(0, 2**32 - 1), late_ms=st.floats(0.1, 300.0), jitter_ms=st.floats(0.0, 20.0))
 def test_a_second_publisher_with_stamps_of_its_own_changes_no_sample(seed, late_ms, jitter_ms, sent, tmp_path):
     imu, mag = sent
@@ -112,7 +118,7 @@ def test_a_second_publisher_with_stamps_of_its_own_changes_no_sample(seed, late_
     assert np.array_equal(found["angular_velocity"], samples["angular_velocity"])
 
 
-@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@on_recordings
 @given(late_ms=st.floats(0.0, 300.0), own_stamps=st.booleans(), cut=st.sampled_from([1, 5, 400]))
 def test_the_live_estimator_takes_the_samples_that_processing_takes(late_ms, own_stamps, cut, sent, tmp_path):
     pytest.importorskip("rclpy")
@@ -167,7 +173,7 @@ def test_a_magnetometer_that_is_off_by_seconds_for_a_while_is_not_paired_there_a
     assert said.startswith(f"{MAG}: the stamps are seconds {'ahead of' if by_s > 0 else 'behind'} the stamps of {IMU}")
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@on_recordings
 @given(which=st.sampled_from([0, 1]), lag_ms=st.integers(1, 30), first=st.booleans())
 def test_a_second_unit_in_another_frame_is_left_out_as_live(which, lag_ms, first, sent, tmp_path):
     name, layout, samples, log_ns = sent[which]

@@ -2,7 +2,10 @@
 """What a recording of our own brings along: settings, depths and decisions; and tables of depths."""
 
 import dataclasses
+import functools
 import math
+import tempfile
+from pathlib import Path
 
 import plotted_bag
 import pytest
@@ -42,24 +45,33 @@ def texts(made, **more):
     return {name: str(value) for name, (value, _) in settings.flat(made).items()} | more
 
 
+@functools.cache
+def still():
+    """The messages of a still tool for 20 s, 500 m at the bit, and when its recording ended."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bag"
+        plotted_bag.record(path, ("imu/data_raw", "imu/mag", "rig/state"), estimate=False, surveys=False, text=STILL)
+        with Bag(path) as bag:
+            return list(bag.messages(list(bag.topics))), bag.end_ns
+
+
 def raw(path, metadata=True, surveys=None):
-    """A still tool for 20 s, 500 m at the bit, with what the surface node adds."""
-    plotted_bag.record(path, ("imu/data_raw", "imu/mag", "rig/state"), estimate=False, surveys=False, text=STILL)
-    if not metadata:
-        return path
-    whole = path.with_name(path.name + "_own")
-    with Bag(path) as bag, BagWriter(whole) as out:
-        channels = {name: out.topic(name, topic.type_name) for name, topic in bag.topics.items()}
-        for log_ns, name, _, data in bag.messages(list(channels)):
+    """A recording of the still tool, with what the surface node adds."""
+    messages, end_ns = still()
+    with BagWriter(path) as out:
+        channels = {name: out.topic(name, type_name) for _, name, type_name, _ in messages}
+        for log_ns, name, _, data in messages:
             out.write(channels[name], data, log_ns, log_ns)
+        if not metadata:
+            return path
         out.add_metadata(ESTIMATOR, texts(IN_FORCE, use_sim_time="False"))
         out.add_metadata(SURFACE, texts(SHOWN, **{"page.port": "8080", "folder": "x"}))
         if surveys is not None:
             out.definitions.load(LIST)
             table = message_conversion.list_message(surveys, "wellhead", out.definitions.make)
             data = bytes(out.definitions.typestore.serialize_cdr(table, LIST))
-            out.write(out.topic("/w1/surveys", LIST), data, bag.end_ns, bag.end_ns)
-    return whole
+            out.write(out.topic("/w1/surveys", LIST), data, end_ns, end_ns)
+    return path
 
 
 STILL = """

@@ -20,26 +20,26 @@ from mwd_surface.processing.bag_input import InputSettings, find_topics, guesses
 from mwd_surface.surveys.recorded_settings import recorded_settings
 from project import ROOT, SCENARIOS
 
-pytestmark = pytest.mark.slow(4)
+pytestmark = pytest.mark.slow(1.5)
 
 SCHEDULE = [
-    {"kind": "still", "seconds": 15.0, "pumps": False},
-    {"kind": "drill", "seconds": 22.0, "rpm": 120.0, "rop_m_h": 60.0},
-    {"kind": "still", "seconds": 15.0, "pumps": False},
+    {"kind": "still", "seconds": 14.0, "pumps": False},
+    {"kind": "drill", "seconds": 14.0, "rpm": 120.0, "rop_m_h": 60.0},
+    {"kind": "still", "seconds": 14.0, "pumps": False},
 ]
 # Each kind of failure once, of any sensor: most from the first sample on, some within or after the first survey. In the
 # gate every sensor, samples that are missing, unusable, late and wrong, and a fault that begins later.
 FAULTS = [
-    *(("accel", word, "all", 0.0) for word in ("off", "garbage", "intermittent")),
-    *(("gyro", word, "all", 0.0) for word in ("wrong", "nan")),
+    ("accel", "off", "all", 0.0),
+    ("gyro", "nan", "all", 0.0),
     ("mag", "delayed", "all", 0.0),
     ("precision_gyro", "off", "all", 0.0),
     ("accel", "stuck", "all", 9.0),
     ("mag", "flipped", "all", 25.0),
 ]
 OTHER_FAULTS = [
-    *(("accel", word, "all", 0.0) for word in ("slow", "in_g", "saturated")),
-    *(("gyro", word, "all", 0.0) for word in ("stuck", "in_deg_s")),
+    *(("accel", word, "all", 0.0) for word in ("slow", "in_g", "saturated", "garbage", "intermittent")),
+    *(("gyro", word, "all", 0.0) for word in ("stuck", "in_deg_s", "wrong")),
     *(("mag", word, "all", 0.0) for word in ("flipped", "in_ut")),
     ("accel", "swapped", "xz", 0.0),
 ]
@@ -78,7 +78,7 @@ def test_the_verdicts_of_a_faulty_tool_are_the_same_live_and_afterwards(componen
     assert first == {r.survey.uuid: Verdict(r.as_first_decided.verdict).word for r in summary.listed.records}
 
 
-@pytest.mark.parametrize("mount", ["z-down", "y-up", "x-up"])
+@pytest.mark.parametrize("mount", ["z-down", pytest.param("y-up", marks=pytest.mark.nightly), "x-up"])
 def test_surveys_before_a_wrong_mount_was_named_are_withdrawn_live_as_afterwards(mount, tmp_path):
     live, summary, _ = both(tmp_path, story(), mount=mount)
     assert summary.listed == live
@@ -88,7 +88,7 @@ def test_surveys_before_a_wrong_mount_was_named_are_withdrawn_live_as_afterwards
     assert f"set tool.mount.imu to {mount}" in first.reasons[0]
 
 
-@pytest.mark.parametrize("wrong", ["y-down", "z-up", "x-up"])
+@pytest.mark.parametrize("wrong", ["y-down", pytest.param("z-up", marks=pytest.mark.nightly), "x-up"])
 def test_the_remedy_names_the_mount_of_the_unit_whatever_is_set(wrong, tmp_path):
     live = LiveGraph(tmp_path / "bag", story(), **{"tool.mount.imu": wrong}).run()
     assert "set tool.mount.imu to x-down" in live.records[0].survey.reasons[0]
@@ -103,7 +103,7 @@ LONG = [
     {"kind": "still", "seconds": 30.0, "pumps": False},
     {"kind": "drill", "seconds": 25.0, "rpm": 100.0, "rop_m_h": 60.0},
     {"kind": "still", "seconds": 25.0, "pumps": False},
-    {"kind": "drill", "seconds": 25.0, "rpm": 100.0, "rop_m_h": 60.0},
+    {"kind": "drill", "seconds": 10.0, "rpm": 100.0, "rop_m_h": 60.0},
     {"kind": "still", "seconds": 15.0, "pumps": False},
 ]
 EVENTS = {
@@ -135,9 +135,11 @@ EVENTS = {
 
 # Names of events that happen in one run.
 TOGETHER = [
-    ("asked for before the first survey", "rotary twice", "rejected, and a survey at its depth"),
+    (
+        *("asked for before the first survey", "asked for twice", "accepted before it is withdrawn", "rotary twice"),
+        *("rejected, and a survey at its depth", "decided again and again", "after the last sample"),
+    ),
     ("several at a station", "rotary", "refused"),
-    ("asked for twice", "accepted before it is withdrawn", "decided again and again", "after the last sample"),
     ("restart",),
 ]
 # Under a wrong mount the surveys are withdrawn, which meets what people asked for.
@@ -173,13 +175,13 @@ REQUESTS = [
 ]
 # A lossy link with jumps in time, a drifting clock, a dual unit, stick-slip; `make sweep` plays all, and for longer.
 SWEEP_S = float(os.environ.get("SWEEP_SECONDS", "0"))
-PLAYED = ["default", "faults", "telemetry_serial", "s1_lab", "stick_slip_hell"]
+PLAYED = ["faults", "telemetry_serial", "s1_lab", "stick_slip_hell"]
 ALL = sorted([*SCENARIOS.glob("*.yaml"), *(ROOT / "tests/graph/scenarios").glob("*.yaml")])
 # Times of the gate's runs, s: within `faults` time jumps and the link loses bursts.
 LASTS_S = {"faults": 215.0}
 
 
-@pytest.mark.slow(25)
+@pytest.mark.slow(3)
 @pytest.mark.parametrize("path", [one for one in ALL if SWEEP_S or one.stem in PLAYED], ids=lambda path: path.stem)
 def test_a_scenario_with_requests_of_people_has_the_same_list_live_and_afterwards(path, tmp_path):
     live, summary, _ = both(tmp_path, read(path), REQUESTS, seconds=SWEEP_S or LASTS_S.get(path.stem, 100.0))
@@ -188,9 +190,9 @@ def test_a_scenario_with_requests_of_people_has_the_same_list_live_and_afterward
 
 
 def test_a_recorder_without_the_events_is_told_to_record_them_and_the_decisions_are_those_of_the_lists(tmp_path):
-    actions = [(13.0, lambda g: g.ask(TAKE, 4.0)), (90.0, lambda g: g.judge(REJECT, 1, "Ann"))]
+    actions = [(13.0, lambda g: g.ask(TAKE, 4.0)), (75.0, lambda g: g.judge(REJECT, 1, "Ann"))]
     skip = ("operator_events", "used_samples")
-    live, summary, _ = both(tmp_path, story(schedule=LONG), actions, skip=skip)
+    live, summary, _ = both(tmp_path, story(schedule=LONG[:3]), actions, skip=skip)
     assert any("/w1/operator_events" in text for text in summary.warnings)
     assert summary.live.endswith("missing here: 1")
     judged = {r.survey.uuid: r.operator_name for r in live.records}
@@ -199,18 +201,21 @@ def test_a_recorder_without_the_events_is_told_to_record_them_and_the_decisions_
     assert "Ann" in judged.values()
 
 
-@pytest.mark.parametrize("topic", ["imu/data_raw", "imu/mag"])
-def test_a_recording_that_lacks_samples_that_were_used_is_not_the_same_input(topic, tmp_path):
-    _, summary, _ = both(tmp_path, story(), lost={topic: 37})
-    (text,) = summary.other_input
-    assert f"/w1/{topic}" in text
-    used, recorded = re.search(r"used (\d+) samples of \S+, and the recording has (\d+)", text).groups()
-    assert int(used) - int(recorded) == 37
-    assert "the input differs from the live input" in text
+def test_a_recording_that_lacks_samples_that_were_used_is_not_the_same_input(tmp_path):
+    lost = {"imu/data_raw": 37, "imu/mag": 21}
+    _, summary, _ = both(tmp_path, story(), lost=lost)
+    assert len(summary.other_input) == len(lost)
+    for text in summary.other_input:
+        used, topic, recorded = re.search(
+            r"used (\d+) samples of /w1/([^ ,]+), and the recording has (\d+)", text
+        ).groups()
+        assert int(used) - int(recorded) == lost.pop(topic)
+        assert "the input differs from the live input" in text
+    assert not lost
 
 
 def test_requests_stand_at_their_sample_also_in_a_part_of_the_recording(tmp_path):
-    live, whole, _ = both(tmp_path, story(schedule=LONG), EVENTS["several at a station"])
+    live, whole, _ = both(tmp_path, story(schedule=LONG[:3]), EVENTS["several at a station"])
     part = processed(tmp_path / "bag", tmp_path / "part", start_s=30.0)
     asked = [one.uuid for one, _ in part.surveys if one.average.requested]
     assert asked == []

@@ -73,7 +73,7 @@ def clipped_and_whole(low):
     return seen, through(seen)
 
 
-@settings(max_examples=25)
+@settings(max_examples=settings().max_examples // 3)
 @given(st.lists(st.integers(0, len(TIME)), max_size=20), st.sampled_from([0.0, 0.1]))
 def test_any_cut_of_a_clipped_stream_gives_the_same_bits(cuts, low):
     seen, whole = clipped_and_whole(low)

@@ -93,9 +93,9 @@ def notes(found):
     return " ".join(found.notes)
 
 
-def assert_same(found, tolerance=1e-6):
-    np.testing.assert_allclose(found.time_s - found.time_s[0], TIME, atol=tolerance)
-    np.testing.assert_allclose(found.pressure_pa, PRESSURE, rtol=1e-8)
+def assert_same(found, tolerance=1e-6, count=COUNT):
+    np.testing.assert_allclose(found.time_s - found.time_s[0], TIME[:count], atol=tolerance)
+    np.testing.assert_allclose(found.pressure_pa, PRESSURE[:count], rtol=1e-8)
 
 
 @given(
@@ -452,7 +452,7 @@ def test_json_that_would_need_far_more_memory_than_its_size_is_refused_by_name(t
         pressure_files.read(tmp_path / "p.json")
 
 
-@settings(max_examples=15)
+@settings(max_examples=settings().max_examples // 3)
 @given(
     st.sampled_from(
         [
@@ -474,7 +474,8 @@ def test_the_rows_of_the_pressure_in_an_export_of_several_tags_are_the_samples(
 ):
     name, head = tag
     rows = []
-    for k in range(COUNT):
+    count = 100
+    for k in range(count):
         for one in [*others, name]:
             value = f"{VALUES[k]:.7f}" if one == name else f"{100 + k % 7}"
             unit = "bar" if one in (name, "Choke Pressure") else "kN"
@@ -486,7 +487,7 @@ def test_the_rows_of_the_pressure_in_an_export_of_several_tags_are_the_samples(
     lines = [*(["Export of a historian", ""] if titled else []), *(separator.join(row) for row in [head, *rows])]
     path = tmp_path_factory.mktemp("p") / "p.csv"
     path.write_text("\n".join(lines) + "\n")
-    assert_same(pressure_files.read(path))
+    assert_same(pressure_files.read(path), count=count)
 
 
 def test_a_tag_can_be_said_and_bad_values_of_a_tag_are_missing(read):

@@ -178,24 +178,24 @@ def viewed(folder, *words):
         assert viewer.wait(60) == 0
 
 
-def listed(address):
-    """What the page shows once it lists surveys; None before."""
-    shown = state(address)
-    return shown if shown["sections"].get("surveys", {}).get("rows") else None
+def test_results_of_a_recording_are_viewed_as_they_were_made(tmp_path, monkeypatch):
+    def play(player, _asked, _server):
+        # To the end: a survey is shown from when it was given, not from its own time on.
+        player.seek(1e6)
+        seen.append(StateJson().snapshot(player.state())["sections"])
 
-
-def test_results_of_a_recording_are_viewed_as_they_were_made(tmp_path):
-    story = "{name: s, well: {stations: [[0.0, 30.0, 40.0]]}, schedule: [{kind: still, seconds: 20.0}]}"
+    monkeypatch.setattr("mwd_surface.commands.view._play", play)
+    story = "{name: s, well: {stations: [[0.0, 30.0, 40.0]]}, schedule: [{kind: still, seconds: 14.0}]}"
     simulate.record(parse(story), tmp_path / "bag")
+    seen = []
     for form in ("csv", "mcap"):
         results = str(tmp_path / form)
         app(["process", str(tmp_path / "bag"), "-o", results, "-f", form], standalone_mode=False)
-        with viewed(tmp_path, results) as address:
-            # To the end: a survey is shown from when it was given, not from its own time on.
-            assert ask(address, {"seek": 1e6}) == 200
-            after = until(lambda a=address: listed(a), 60, "the survey")
-        assert after["sections"]["attitude"]["inclination"]["value"] == pytest.approx(math.radians(30.0), abs=0.01)
-        (survey,) = after["sections"]["surveys"]["rows"]
+        app(["view", results, "--paused"], standalone_mode=False)
+    assert len(seen) == 2
+    for sections in seen:
+        assert sections["attitude"]["inclination"]["value"] == pytest.approx(math.radians(30.0), abs=0.01)
+        (survey,) = sections["surveys"]["rows"]
         assert survey["verdict"] == "accepted"
 
 

@@ -14,7 +14,7 @@ from mwd_sensors.core.frames import mat_nt, wrap_pi
 from mwd_surface.list_files.six_axis_table import TableRow, single_stations, table_rows
 from mwd_surface.surveys.table_run import run_stations
 
-pytestmark = pytest.mark.slow(2)
+pytestmark = pytest.mark.slow(0.7)
 
 REFERENCE = Reference(total=50e-6, dip=math.radians(70.0), declination=math.radians(2.0), gravity=9.81)
 SETTINGS = StationSettings()
@@ -154,7 +154,7 @@ def test_a_row_that_cannot_be_read_is_rejected_and_tells_nothing():
 
 
 def test_the_azimuth_beside_steel_is_limited_by_the_accepted_stations_next_to_it():
-    for seed in range(3):
+    for seed in range(2):
         rows, azimuth = drawn(seed, steel=(6, 7))
         beside, alone = (run_stations(some, SETTINGS) for some in (rows, [replace(row, md=math.nan) for row in rows]))
         for k in range(len(rows)):

@@ -7,7 +7,6 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
@@ -75,11 +74,6 @@ def refined(log_density: Array, *centres: float) -> Array:
     for place in about:
         chosen[(place + _ABOUT) % STEPS] = True
     return np.asarray(np.flatnonzero(chosen) * (math.tau / STEPS))
-
-
-def is_coarse(angles: Array) -> NDArray[np.bool_]:
-    """Return whether each angle of `refined` is one of `coarse`, shape (n,)."""
-    return np.asarray(places(angles) % _EVERY == 0)
 
 
 def places(angles: Array) -> Indices:

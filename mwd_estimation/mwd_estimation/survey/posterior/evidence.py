@@ -33,10 +33,11 @@ _SHARP = 6.0
 _NOTHING = 37.0
 # Variance so large that an observation with it has no influence, in the squared unit of the observation.
 OUT = 1e8
-# Number of angles that suffice for a density smeared by `TURNED`, and the smearing kernel at every step of the circle.
+# Number of angles that suffice for a density smeared by `TURNED`; and the smearing kernel from every step of the circle
+# to each of these angles, shape (circle.STEPS, _FEW).
 _FEW = 72
-_SMEAR = np.exp(-0.5 * (wrap_pi(np.arange(circle.STEPS) * math.tau / circle.STEPS) / TURNED) ** 2)
-_SMEAR /= TURNED * math.sqrt(math.tau)
+_ONE = np.exp(-0.5 * (wrap_pi(np.arange(circle.STEPS) * math.tau / circle.STEPS) / TURNED) ** 2)
+_SMEAR = np.stack([np.roll(_ONE, k * circle.STEPS // _FEW) for k in range(_FEW)], -1) / (TURNED * math.sqrt(math.tau))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -454,7 +455,7 @@ def turned_field(angles: Array, log: Array, gyro: Array, states: Array, own: tup
     variance, rad^2, of the gyro error in each filter, shape (k,), and the variance that a step adds, rad^2.
     """
     place, apart = circle.places(angles), circle.STEPS // _FEW
-    smear = _SMEAR[(apart * np.arange(_FEW)[:, None] - place) % circle.STEPS] * circle.widths(angles)
+    smear = _SMEAR[place].T * circle.widths(angles)
     top = log.max(axis=0)
     top = np.where(np.isfinite(top), top, 0.0)
     # Subnormal numbers would make the product many times slower.

@@ -92,6 +92,9 @@ GEOMETRY = np.dtype(
 # One record of `GEOMETRY`.
 Row = Any
 
+# The fields of a record without a gyro.
+NO_GYRO = {"gyro": math.nan, "gyro_other": math.nan, "gyro_lasting": 0.0, "gyro_variance": 0.0}
+
 
 def level_axes(f_h: Array) -> tuple[Array, tuple[float, float]]:
     """Return axes level, right, down, shape (3, 3), and sine and cosine of inclination; f_h, m/s^2, hole axes."""
@@ -122,7 +125,9 @@ def geometry(f_h: Array, b_h: Array, covariance: Array, reference: Reference | N
     row = np.zeros(1, GEOMETRY)
     one = row[0]
     one["axes"], (one["sine"], one["cosine"]) = level_axes(f_h)
-    one["force"], one["force_noise"], one["gyro"] = f_h, covariance[:3, :3], math.nan
+    one["force"], one["force_noise"] = f_h, covariance[:3, :3]
+    for name, value in NO_GYRO.items():
+        one[name] = value
     if reference is not None and reference.has_field and np.isfinite(b_h).all():
         one["has_field"], one["field"] = True, b_h / UT
         one["horizontal"], one["vertical"] = reference.horizontal / UT, reference.vertical / UT

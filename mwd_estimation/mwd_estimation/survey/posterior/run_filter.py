@@ -299,23 +299,18 @@ class RunFilter:
         """
         state = self._branched(self.state if state is None else state)
         at = np.flatnonzero(state.log_weight > state.log_weight.max() + _IMPOSSIBLE)
-        terms = r, S, _ = self._terms(one, state.mean[at], state.covariance[at])
-        angles, prior = circle.coarse(), self._log_prior(state)[at]
-        log, misfit = self._logs(one, r, S, state, angles, prior)
-        first = CircleEvidence(angles, log, np.arange(len(at)), len(at))
+        terms, prior = self._terms(one, state.mean[at], state.covariance[at]), self._log_prior(state)[at]
+        angles = circle.coarse()
+        first = CircleEvidence(angles, self._logs(one, terms, state, angles, prior)[0], np.arange(len(at)), len(at))
         density = np.log(first.by_angle.sum(axis=1) + 1e-300)
-        # Filters of negligible probability are left out. The coarse angles are among the fine ones.
+        # Filters of negligible probability are left out.
         used = np.flatnonzero(first.by_kind.sum(axis=1) >= _HOPELESS)
-        angles = circle.refined(density, float(one["gyro"]), float(one["gyro_other"]))
-        is_coarse = circle.is_coarse(angles)
-        terms, prior = (r[used], S[used], terms[2][used]), prior[used]
-        fine, more = self._logs(one, *terms[:2], state, angles[~is_coarse], prior)
-        whole = np.empty((len(angles), *fine.shape[1:]))
-        whole[is_coarse], whole[~is_coarse] = log[:, used], fine
-        self._add_turned(one, terms[:2], state, angles, prior, whole)
-        least = min(float(misfit[:, used].min()), float(more.min(initial=math.inf)))
-        least = least if one["has_field"] else 0.0
-        return Predicted(angles, whole, at[used], len(state.mean), least, branched=state, terms=terms)
+        r, S, M = (part[used] for part in terms)
+        angles, prior = circle.refined(density, float(one["gyro"]), float(one["gyro_other"])), prior[used]
+        log, misfit = self._logs(one, (r, S, M), state, angles, prior)
+        self._add_turned(one, (r, S), state, angles, prior, log)
+        least = float(misfit.min()) if one["has_field"] else 0.0
+        return Predicted(angles, log, at[used], len(state.mean), least, branched=state, terms=(r, S, M))
 
     def by_gyro_state(self, evidence: CircleEvidence) -> Array:
         """
@@ -345,7 +340,7 @@ class RunFilter:
         weight, moved, spread = np.zeros((k, parts)), np.zeros((k, parts, 12)), np.zeros((k, parts, 12, 12))
         gains(evidence.share, least, (field_model.basis(evidence.angles), gyro), (r, S), extra, weight, moved, spread)
         mean, covariance = (np.repeat(whole[:, None], parts, 1) for whole in (branched.mean, branched.covariance))
-        M = np.repeat(np.transpose(M, (0, 2, 1, 3)).reshape(k, 1, SIZE, 12), parts, 1)
+        M = np.repeat(M[:, None], parts, 1)
         if has_gyro:
             # At points where the gyro's bias stepped, the prior of this bias is wider.
             covariance[:, 1, -1, -1] += (step / one["gyro_lasting"]) ** 2 if one["gyro_lasting"] > 0.0 else 0.0
@@ -476,20 +471,19 @@ class RunFilter:
 
     def _terms(self, one: Row, mean: Array, covariance: Array) -> tuple[Array, Array, Array]:
         """
-        Return residual (k, 3, 4), its covariance (k, 3, 3, 4, 4) and P H' (k, 3, 23, 4) as factors of the basis.
+        Return residual (k, 3, 4), its covariance (k, 3, 3, 4, 4) and P H' (k, 23, 12) as factors of the basis.
 
         mean (k, 23), covariance (k, 23, 23): the shared errors in each filter.
         """
         residual, slopes, turns = field_model.expansion(one, self.sigma)
-        M = np.swapaxes(covariance @ slopes.reshape(12, SIZE).T, 1, 2).reshape(-1, 3, 4, SIZE)
-        S = np.einsum("iax,kjbx->kijab", slopes, M)
-        own = slopes[:, :, _REFERENCE] * self._own
-        S += np.einsum("iax,jbx->ijab", own, own)
-        S += np.einsum("iax,xy,jby->ijab", turns, one["force_noise"], turns)
-        S[:, 0, 0, :3, :3] += one["noise"] if one["has_field"] else np.eye(3)
-        S[:, 0, 0, 3, 3] += one["gyro_variance"] if math.isfinite(one["gyro"]) else 1.0
-        S = 0.5 * (S + np.transpose(S, (0, 2, 1, 4, 3)))
-        return residual - np.einsum("iax,kx->kia", slopes, mean), S, np.swapaxes(M, 2, 3)
+        H, by_force = slopes.reshape(12, SIZE), turns.reshape(12, 3)
+        M, own = covariance @ H.T, H[:, _REFERENCE] * self._own
+        S = H @ M + own @ own.T + by_force @ one["force_noise"] @ by_force.T
+        S = 0.5 * (S + np.swapaxes(S, 1, 2))
+        S[:, :3, :3] += one["noise"] if one["has_field"] else np.eye(3)
+        S[:, 3, 3] += one["gyro_variance"] if math.isfinite(one["gyro"]) else 1.0
+        S = np.ascontiguousarray(np.swapaxes(S.reshape(-1, 3, 4, 3, 4), 2, 3))
+        return residual - (mean @ H.T).reshape(-1, 3, 4), S, M
 
     def _log_prior(self, state: RunState) -> Array:
         """Return the logarithms of the prior probabilities of each filter and external field, shape (k, h)."""
@@ -498,14 +492,17 @@ class RunFilter:
             outside = (1.0 - _GOES_ON) * outside + _GOES_ON * state.outside
         return np.asarray(state.log_weight[:, None] + np.log(np.maximum(outside, 1e-300)))
 
-    def _logs(self, one: Row, r: Array, S: Array, state: RunState, angles: Array, prior: Array) -> tuple[Array, Array]:
+    def _logs(
+        self, one: Row, terms: tuple[Array, Array, Array], state: RunState, angles: Array, prior: Array
+    ) -> tuple[Array, Array]:
         """Return the log evidence as in `CircleEvidence.log`, without a turned field, and the misfits, shape (n, k)."""
+        r, S, _ = terms
         gyro, states = self._gyro_states(one, state, angles)
         log = np.empty((len(angles), len(r), len(self._external), states.shape[1]))
         misfit = np.empty((len(angles), len(r)))
         sizes = EXTERNAL_UT**2 if one["has_field"] else np.zeros(len(EXTERNAL_UT))
         extra = np.append(sizes, gyro_step(one) ** 2)
-        fill_evidence(field_model.basis(angles), gyro, r, np.ascontiguousarray(S), extra, (prior, states), log, misfit)
+        fill_evidence(field_model.basis(angles), gyro, r, S, extra, (prior, states), log, misfit)
         return log, misfit
 
     def _gyro_states(self, one: Row, state: RunState, angles: Array) -> tuple[Array, Array]:

@@ -58,10 +58,11 @@ def messages(path: Path) -> list[tuple[str, int, bytes]]:
 
 @pytest.mark.slow
 @pytest.mark.fault_case(61)
-def test_a_file_cut_at_any_of_200_places_gives_back_every_complete_record_and_nothing_else(whole, tmp_path):
-    data = (whole / "bag_0.mcap").read_bytes()
-    everything = messages(whole / "bag_0.mcap")
-    with contextlib.closing(BagFiles(whole)) as bag:
+def test_a_file_cut_at_any_of_200_places_gives_back_every_complete_record_and_nothing_else(tmp_path):
+    record(tmp_path / "bag", 300).close()
+    data = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
+    everything = messages(tmp_path / "bag" / "bag_0.mcap")
+    with contextlib.closing(BagFiles(tmp_path / "bag")) as bag:
         spans = [span for _, contents in bag.mcap for span in contents.spans]
     random = np.random.default_rng(7)
     for cut in [0, 7, 8, 9, *random.integers(10, len(data), 195).tolist(), len(data)]:

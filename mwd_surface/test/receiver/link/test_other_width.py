@@ -13,7 +13,7 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.link.other_width import OtherWidth, other_widths, sent_tool, sent_width
 from mwd_surface.receiver.pulse.sync_search import USUAL_SYNCS
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(4)
 
 HERE = ToolConfiguration(
     pulse_width_s=0.5,
@@ -22,6 +22,9 @@ HERE = ToolConfiguration(
     toolface_sequences=("aTFA:6:P",),
 )
 FLOW_ON = 20.0
+# The survey of a tool with pulses of 0.65 s ends at 75 s. A search of all widths takes a tenth of a second for each
+# second of pressure.
+SHORT_S = 90.0
 
 
 def pressure(width_s, seconds=200.0, seed=5, on_s=FLOW_ON, before=(), depth_m=2000.0):
@@ -37,7 +40,8 @@ def test_the_nearest_widths_are_tried_first_and_its_own_is_not():
     assert HERE.pulse_width_s not in other_widths(HERE)
 
 
-@pytest.mark.parametrize("width", [pytest.param(0.25, marks=pytest.mark.nightly), 0.547])
+@pytest.mark.nightly
+@pytest.mark.parametrize("width", [0.25, 0.8])
 def test_the_width_that_the_tool_sends_is_found(width):
     assert sent_width(HERE, *pressure(width), {}) == pytest.approx(width, rel=2e-3)
 
@@ -46,24 +50,25 @@ def test_the_width_that_the_tool_sends_is_found(width):
 def test_width_sync_and_parity_are_found_blindly(syncs):
     sent = dataclasses.replace(HERE, pulse_width_s=0.65, sync=USUAL_SYNCS[1], parity="odd")
     channel = MudChannel(well=WellGeometry(depth_m=2000.0), flow_off_s=((-100.0, FLOW_ON),))
-    run = link_run(channel, transmit(sent, ((FLOW_ON, 200.0),), 5), 200.0, 5)
+    run = link_run(channel, transmit(sent, ((FLOW_ON, SHORT_S),), 5), SHORT_S, 5)
     found = sent_tool(HERE, run.time_s, run.pressure_pa, {}, USUAL_SYNCS[:syncs], ("even", "odd"))
     assert found.pulse_width_s == pytest.approx(0.65, rel=2e-3)
     assert (found.sync, found.parity) == (sent.sync, "odd")
 
 
 def test_a_recording_is_tried_from_the_flow_on_of_its_longest_flow():
-    spans = ((-100.0, 20.0), (60.0, 160.0), (350.0, 400.0))
-    assert sent_width(HERE, *pressure(0.8, 360.0, on_s=160.0, before=spans), {}) == pytest.approx(0.8, rel=2e-3)
+    """The width is none of the usual ones."""
+    spans = ((-100.0, 20.0), (40.0, 80.0), (160.0, 200.0))
+    assert sent_width(HERE, *pressure(0.547, 170.0, on_s=80.0, before=spans), {}) == pytest.approx(0.547, rel=2e-3)
 
 
 def test_no_width_is_found_in_pumps_alone():
-    run = link_run(MudChannel(well=WellGeometry(depth_m=2000.0)), transmit(HERE, (), 6), 200.0, 6)
+    run = link_run(MudChannel(well=WellGeometry(depth_m=2000.0)), transmit(HERE, (), 6), SHORT_S, 6)
     assert sent_width(HERE, run.time_s, run.pressure_pa, {}) is None
 
 
 def test_no_width_is_found_where_the_signal_of_its_own_is_weak():
-    assert sent_width(HERE, *pressure(0.5, depth_m=6000.0), {}) is None
+    assert sent_width(HERE, *pressure(0.5, SHORT_S, depth_m=6000.0), {}) is None
 
 
 def searched(search, since_s, first_s, parts=1):

@@ -35,7 +35,7 @@ def test_a_well_is_read_without_error(width, depth, clock):
 
 @pytest.mark.slow
 def test_any_cut_gives_the_same_words():
-    run, whole = simulated("0.5"), reception("0.5")
+    run, whole = simulated("0.5", seconds=200.0), reception("0.5", seconds=200.0)
     receiver = PulseReceiver(FAST)
     words = []
     random = np.random.default_rng(4)
@@ -48,7 +48,7 @@ def test_any_cut_gives_the_same_words():
 
 @pytest.mark.slow
 def test_any_cut_gives_the_same_words_with_strokes():
-    run = simulated("0.5")
+    run = simulated("0.5", seconds=200.0)
     strokes = dict(enumerate(run.strokes_s, 1))
     whole = decode(FAST, run.time_s, run.pressure_pa, strokes)
     receiver = PulseReceiver(FAST)
@@ -58,7 +58,7 @@ def test_any_cut_gives_the_same_words_with_strokes():
             receiver.strokes(pump, times[(times >= time[0]) & (times <= time[-1])])
         got += receiver.push(time, pressure).words
     assert got + receiver.finish().words == whole.words
-    assert whole.words != reception("0.5").words
+    assert whole.words != reception("0.5", seconds=200.0).words
 
 
 @pytest.mark.slow
@@ -169,7 +169,7 @@ def test_what_the_tool_has_not_measured_is_erased_and_nothing_else():
 
 
 @pytest.mark.slow(4)
-@pytest.mark.parametrize("hours", [2, pytest.param(10, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("hours", [1, pytest.param(10, marks=pytest.mark.nightly)])
 def test_nothing_is_believed_in_hours_of_noise(hours):
     """Drilling with two pumps, connections, and no tool; a tool that begins with one word leaves most to chance."""
     tool = dataclasses.replace(FAST, survey_sequences=("Inc:12:P",), toolface_sequences=("aTFA:6:P",))

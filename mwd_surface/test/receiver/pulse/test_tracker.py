@@ -38,7 +38,7 @@ def outcome(sent, words, tool, after_s=0.0):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seconds", [30.0, 120.0, 300.0])
+@pytest.mark.parametrize("seconds", [30.0, pytest.param(120.0, marks=pytest.mark.nightly), 300.0])
 @pytest.mark.parametrize("kind", ["quiet", "cut out", "frozen"])
 def test_an_interruption_is_bridged(kind, seconds):
     end = FROM_S + seconds
@@ -57,7 +57,7 @@ def test_an_interruption_is_bridged(kind, seconds):
 
 @pytest.mark.slow
 def test_any_cut_gives_the_same_words_over_an_interruption():
-    sent, time, pressure = sent_and_heard(ALIKE, silent=lambda at: (at > FROM_S) & (at < FROM_S + 100.0))
+    sent, time, pressure = sent_and_heard(ALIKE, seconds=400.0, silent=lambda at: (at > FROM_S) & (at < FROM_S + 60.0))
     whole = decode(ALIKE, time, pressure).words
     assert len(whole) > 0.8 * len(sent.words)
     random = np.random.default_rng(2)
@@ -76,7 +76,10 @@ def test_missing_pulses_make_words_unsure_and_not_wrong(share):
     for seed in range(4):
         random = np.random.default_rng(seed)
         sent, time, pressure = sent_and_heard(
-            seed=seed, ebn0_db=11.0, silent=lambda at, r=random: (r.uniform(size=len(at)) < share) & (at > 20.0)
+            seed=seed,
+            seconds=400.0,
+            ebn0_db=11.0,
+            silent=lambda at, r=random: (r.uniform(size=len(at)) < share) & (at > 20.0),
         )
         words, good, bad = outcome(sent, decode(FAST, time, pressure).words, FAST)
         total, believed, wrong = total + words, believed + good, wrong + bad

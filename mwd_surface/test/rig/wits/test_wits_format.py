@@ -96,11 +96,11 @@ def test_an_unterminated_frame_is_dropped_at_the_next_beginning():
 
 @pytest.mark.fault_case(72)
 @pytest.mark.parametrize("piece", [b"x" * 4096, b"\0" * 4096, b"0108123\r\n" * 400, b"&" + b"y" * 4095, b"&" * 4096])
-def test_ten_megabytes_without_an_end_stay_bounded_and_reading_goes_on(piece):
+def test_a_megabyte_without_an_end_stays_bounded_and_reading_goes_on(piece):
     decoder = Decoder()
     decoder.feed(b"&&\r\n")
     most = 0
-    for _ in range(10_000_000 // 4096):
+    for _ in range(1_000_000 // 4096):
         decoder.feed(piece)
         most = max(most, decoder.waiting)
     assert most <= 65536 + 16384
