@@ -286,11 +286,11 @@ def _finished(
     finding: Finding | None,
     settings: StationSettings,
 ) -> Station:
-    """Return the station with its verdicts; a wrong reference, which may cause the other reasons, comes first."""
+    """Return the station with its verdicts; wrong columns and a wrong reference, which cause the rest, come first."""
     upright = station.sigma_toolface > _HIGH_SIDE
     quantities = Verdicts(level.verdict, azimuth.verdict, NOT_DETERMINED if upright else level.verdict)
     verdict = level.verdict if azimuth.verdict == NOT_DETERMINED else worse(level.verdict, azimuth.verdict)
-    causes = (Code.REFERENCE_SLIP, Code.FIELD_OF_ANOTHER_PLACE)
+    causes = (Code.WIRING, Code.REFERENCE_SLIP, Code.FIELD_OF_ANOTHER_PLACE)
     order = {code: place for place, code in enumerate(causes)}
     made = sorted(
         [*level.reasons, *azimuth.reasons],

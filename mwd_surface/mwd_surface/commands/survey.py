@@ -74,15 +74,16 @@ def survey(
         run_sentences,
         show_surveys,
     )
+    from mwd_surface.list_files.remark import sentences
     from mwd_surface.list_files.six_axis_columns import find_columns
-    from mwd_surface.list_files.six_axis_table import single_stations, table_rows
-    from mwd_surface.list_files.table import read_table
+    from mwd_surface.list_files.six_axis_table import read_readings, single_stations, table_rows
     from mwd_surface.surveys import survey_csv
     from mwd_surface.surveys.table_run import run_stations, table_surveys
 
-    table = read_table(stations).columns()
+    table, left_out = read_readings(stations, axial)
     settings = table_settings(config, changes, place)
-    times = table.get(find_columns(table, axial).time or "", ())
+    columns = find_columns(table, axial)
+    times = table.get(columns.time or "", ())
     override, remarks = table_reference(
         settings, GivenReference.of(place.field, declination, convergence, gravity), times
     )
@@ -91,7 +92,7 @@ def survey(
     params = station_params(settings)
     with terminal.progress(f"{len(read)} stations") as progress:
         worked = table_surveys(single_stations(read, params) if single else run_stations(read, params, progress))
-    terminal.warn(*remarks)
+    terminal.warn(*sentences(left_out), *columns.assumed, *remarks)
     records = [row.record for row in worked]
     show_surveys(records)
     terminal.tell(*correction_sentences([row.reference for row in read]))

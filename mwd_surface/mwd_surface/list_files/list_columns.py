@@ -24,7 +24,7 @@ ANGLES = (
     *("inclination", "dip", "azimuth", "sigma_inclination", "sigma_azimuth"),
     *(n for n, f in FIGURES.items() if not f),
 )
-TEXTS = ("azimuth_reference", "tool", "time", "verdict", "station", "coordinates", "in_use", "leg")
+TEXTS = ("azimuth_reference", "tool", "time", "date", "verdict", "station", "coordinates", "in_use", "leg")
 NORTHS = ("true", "grid", "magnetic")
 DIPS = ("down", "up")  # direction in which positive angles from the horizontal point
 # Words that state the direction of positive angles in the name of a column, or in a line of the head.
@@ -169,6 +169,7 @@ _FILLERS = frozenset(
     [
         "in",
         "survey",
+        "svy",
         "station",
         "bh",
         "drillhole",
@@ -219,7 +220,7 @@ _WORDS = {
         "bohrlochlange|bohrlochtiefe|bohrlochteufe|profundidad|profundidad medida|profundidade|profundidade medida|"
         "profondeur|profondeur mesuree|profondeur foree|cote foree|profondita|profondita misurata|diepte|"
         "gemeten diepte|diepte langs boorgat|dybde|malt dybde|dybde md|dyp|malt dyp|глубина|глубина по стволу|"
-        "измеренная глубина|глубина замера|m d|dmea|dpth|station depth|hole length"
+        "измеренная глубина|глубина замера|m d|dmea|dpth|station depth|hole length|sensor depth|sensor md"
     ),
     "inclination": (
         "inc|incl|inclination|devi|dev|deviation|drift|drift angle|zenith|zenith angle|incln|inclin|hole angle|"
@@ -233,22 +234,24 @@ _WORDS = {
     ),
     "azimuth": (
         "azi|azim|azimuth|az|azm|azmth|azimut|hazi|direction|hole direction|bearing|方位|方位角|acimut|азимут|"
-        "azimuth angle|azimute|asimut|richtung|retning|drift azimuth|drift direction|drift dir|bore azimuth"
+        "azimuth angle|azimute|asimut|richtung|retning|drift azimuth|drift direction|drift dir|bore azimuth|dir"
     ),
     "tvd": (
-        "true vert depth|true vert|tvd|vertical depth|true vertical depth|"
+        "true vert depth|true vert|tvd|tvd depth|vertical depth|true vertical depth|"
         "vert depth|tv depth|v depth|vdepth|tvdrkb|tvdkb|tvdrt|tvdbrt|tvdd|垂深|"
         "垂直深度|vertical|true vertical|teufe senkrecht|senkrechte teufe|vertikale teufe|vertikalteufe|seigerteufe|"
         "vertikal dybde|vertikaldybde|profondeur verticale|profundidad vertical|profundidad vertical verdadera|"
         "profundidade vertical|profondita verticale|verticale diepte|вертикальная глубина|глубина по вертикали"
     ),
     "north": (
-        "north|ns|n s|disp ns|n|local north|north offset|offset north|n offset|local n|dy|delta north|north south|"
+        "north|ns|n s|disp ns|displ ns|"
+        "n|local north|north offset|offset north|n offset|local n|dy|delta north|north south|"
         "y offset|n s offset|ns offset|latitude ns|lat ns|northings local|local northing|local northings|"
         "north displacement|displacement north|南北位移|北位移|北坐标"
     ),
     "east": (
-        "east|ew|e w|disp ew|e|local east|east offset|offset east|e offset|local e|dx|delta east|east west|x offset|"
+        "east|ew|e w|disp ew|displ ew|"
+        "e|local east|east offset|offset east|e offset|local e|dx|delta east|east west|x offset|"
         "e w offset|ew offset|departure|local easting|local eastings|east displacement|displacement east|东西位移|"
         "东位移|东坐标"
     ),
@@ -265,9 +268,11 @@ _WORDS = {
     "dip_reference": "dip reference",
     "declination": "declination",
     "convergence": "convergence",
-    "azimuth_reference": "azimuth reference|azi ref|north reference|azimuth north reference",
+    "azimuth_reference": "azimuth reference|azi ref|azi reference|azimuth ref|az ref|azi type|azimuth type|"
+    "azimuth north|north reference|north ref|north type|azimuth north reference",
     "tool": "tool code|survey tool|tool|station type|survey type|survey tool code",
     "time": "time|time utc|dtim|dtim utc|dtim stn|date time|datetime|timestamp",
+    "date": "date|survey date|datum|fecha|dato|data|日期",
     "verdict": "verdict|automatic",
     "station": "station",
     "coordinates": "coordinates",
@@ -275,6 +280,20 @@ _WORDS = {
     "leg": "leg",
 }
 _NAMES = {name: what for what, names in _WORDS.items() for name in names.split("|")}
+# Names that count only if they are the whole name: "well", but not "well depth". "" stands for the direction from the
+# wellhead to a station, which is not an azimuth of the hole.
+_WHOLE = {
+    name: what
+    for what, names in {
+        "verdict": "status|survey status|station status|qc|survey qc|qc status|qc flag|qc result|quality|"
+        "survey quality|flag|accept reject|accepted rejected|good bad|pass fail",
+        "": "at azim|at azi|at azimuth",
+        "in_use": "use|used|accept|accepted|survey accepted|good|ok|valid|include|included|qc pass|qc passed|pass",
+        "leg": "hole|hole id|holeid|hole name|hole no|hole number|bhid|dhid|borehole|borehole id|drillhole|"
+        "drillhole id|wellbore|wellbore name|well|well name|uwi|leg name|孔号",
+    }.items()
+    for name in names.split("|")
+}
 _DIRECTED = {
     **dict.fromkeys(("真方位", "真方位角", "真北方位角", "地理方位角"), "true"),
     **dict.fromkeys(("磁方位", "磁方位角", "磁北方位角"), "magnetic"),
@@ -291,7 +310,17 @@ _OTHERS = re.compile(
 )
 _LENGTHS = ("md", "tvd", "north", "east", "map_north", "map_east")
 _SUBSEA = frozenset(["ss", "tvdss", "mtvdss", "subsea", "sub", "sea", "msl", "mtvd", "lat"])
-_KEYS = re.compile(r"azi|asim|incl|inclin|inkl|depth|\btvd|north|east|方位|深|倾|глубин|азимут|угол")
+_OF_THE_HOLE = re.compile(r"\bhole (?:depth|length)\b|\btotal measured depth\b")
+# Words after an angle that make another quantity of it, such as its error.
+_OF_AN_ANGLE = frozenset(
+    [
+        *("err", "error", "unc", "uncertainty", "sd", "std", "stdev", "sigma", "delta", "diff", "difference", "change"),
+        *("rate", "correction"),
+    ]
+)
+_KEYS = re.compile(
+    r"\bbad\b|reject|exclu|azi|asim|incl|inclin|inkl|depth|\btvd|north|east|方位|深|倾|глубин|азимут|угол"
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -424,6 +453,10 @@ def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] 
             of[column.quantity] = (*of.get(column.quantity, ()), column)
         elif _resembles(name):
             unread.append(column)
+    measured = tuple(one for one in of.get("md", ()) if not _OF_THE_HOLE.search(_words(one.name)))
+    if measured:
+        # The depth of the hole at the time of a survey is not the depth of the survey.
+        of["md"] = measured
     directed = tuple(one for one in of.get("dip", ()) if points(one.name))
     if directed:
         # If a dip column states its direction, other dip columns are those of the magnetic field.
@@ -446,7 +479,7 @@ def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> ListC
     brackets = ["inch" if phrase == "in" else phrase for phrase in brackets]
     unit = "inch" if unit.strip(" .()[]").lower() == "in" else unit
     words = base.split()
-    quantity, rest, north = _quantity(words)
+    quantity, rest, north = (_WHOLE[base], [], "") if base in _WHOLE else _quantity(words)
     if chosen:
         quantity, north = chosen, ""
         rest = [word for word in words if _north_word(word) or (len(word) > 1 and unit_word(word))]
@@ -461,6 +494,8 @@ def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> ListC
         quantity = "dip"
     if quantity in _LENGTHS and (behind or "angle" in rest or (quantity == "tvd" and _SUBSEA & set(strange))):
         # "Depth Limit", "Vertical Section", "TVD (SS)" begin like a quantity that is read but are other quantities.
+        quantity = ""
+    if angle and _OF_AN_ANGLE & {*rest, *behind}:
         quantity = ""
     if unit.strip() and not own and quantity and quantity not in TEXTS and not strange:
         strange = [unit.strip()]

@@ -10,6 +10,7 @@ assumption becomes a remark of the list.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -44,6 +45,7 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_head import Head, read_head
 from mwd_surface.list_files.list_rows import QUOTED, refuse_surplus_numbers, station_rows
 from mwd_surface.list_files.map_coordinates import offsets_from_wellhead
+from mwd_surface.list_files.moments import dated
 from mwd_surface.list_files.p7_table import is_p7, p7_table
 from mwd_surface.list_files.provenance import Provenance, read_provenance
 from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
@@ -52,6 +54,22 @@ from mwd_surface.list_files.table import Table, read_bytes, table_of, text_of
 from mwd_surface.list_files.witsml_table import witsml_table
 
 _START_ROWS = ("tie-on", "assumed")  # rows of exports of this program that are not surveys, by their column "station"
+# Words of columns that say whether a station may be used; an empty cell says nothing.
+_USABLE = frozenset(
+    [
+        *("accept", "accepted", "ok", "okay", "good", "pass", "passed", "yes", "y", "true", "valid", "used", "in use"),
+        *("approved", "definitive", "final", "open", "position", "reject", "survey", ""),
+    ]
+)
+_DOUBTFUL = frozenset(["doubtful", "suspect", "suspicious", "questionable", "poor"])
+_UNUSABLE = frozenset(
+    [
+        *("rejected", "bad", "fail", "failed", "no", "n", "false", "invalid", "unused", "not used", "do not use"),
+        *("not accepted", "excluded", "omitted", "not ok", "nok"),
+    ]
+)
+_UPWARDS = 3  # smallest number of stations in a list that may be written from the bottom up
+_NUMBERED = {"1": "yes", "0": "no"}  # of columns such as "use"; of a quality flag, neither number has a usual meaning
 # Distance between wellhead and first station at which a convergence of 3 deg moves the station by half a metre, m.
 _OFFSET = 10.0
 # First bytes of recordings, which are not lists.
@@ -71,12 +89,13 @@ def _verdict(row: _ListedStation) -> str:
     """Return the verdict of a station; "accept" if an export of this program marks the station as in use."""
     if row.texts.get("in_use", "").lower() == "yes" or row.texts.get("station") in (*_START_ROWS, "survey"):
         return "accept"
-    return row.texts.get("verdict", "").lower()
+    word = row.texts.get("verdict", "").lower()
+    return "doubtful" if word in _DOUBTFUL else word if word in ("", "reject") else "accept"
 
 
 def is_list(path: Path) -> bool:
     """Return whether a file may be a list of stations: not a recording, and not a survey list of this program."""
-    if not path.is_file():
+    if not path.is_file() or path.suffix == ".json":
         return False
     with path.open("rb") as file:
         start = file.read(64)
@@ -287,16 +306,22 @@ class _ListReader:
         self._refuse_radians(values, angle)
         self._name_nulls()
         texts = {what: self.values.cells(column) for what, column in self.columns.items() if what in TEXTS}
-        found, empty, unused = [], [], 0
+        found, empty, unused, strange = [], [], 0, set[str]()
         for k, row in enumerate(self.rows):
             said = {what: str(cells[k]).strip() for what, cells in texts.items()}
             numbers = {what: float(v[k]) for what, v in values.items() if math.isfinite(v[k])}
             if said.get("station") == "projected":
                 # Exports of this program end with a projection to the bit, which is not a station.
                 continue
-            if said.get("in_use", "").lower() == "no":
+            use, quality = said.get("in_use", "").lower(), said.get("verdict", "").lower()
+            if quality == "reject" and self.columns["verdict"].name.lower() != "verdict":
+                # In the column "verdict" of this project such a station is listed.
+                quality = "rejected"
+            words = {_NUMBERED.get(use, use), quality}
+            if words & _UNUSABLE:
                 unused += 1
                 continue
+            strange |= words - _USABLE - _DOUBTFUL
             if "md" not in numbers or angle not in numbers:
                 empty.append(row)
                 continue
@@ -308,13 +333,27 @@ class _ListReader:
         if unused:
             text = f"{self.name}: {unused} surveys that were not in use are left out"
             self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(unused))
+        if strange:
+            quoted = ", ".join(map(repr, sorted(strange)[:QUOTED]))
+            text = f"{self.name}: it is not understood whether {quoted} accepts a station; these stations are used"
+            self._say(RemarkKind.COLUMN_NOT_READ, text)
         if not found:
             if unused:
                 raise ListFileError(f"{self.name}: none of its {unused} surveys is in use")
             raise ListFileError(f"{self.name}: no station in it")
         if angle == "dip":
             found = self._from_horizontal(found)
-        return self._increasing(self._of_one_leg(found))
+        return self._increasing(self._downwards(self._of_one_leg(found)))
+
+    def _downwards(self, found: list[_ListedStation]) -> list[_ListedStation]:
+        """Return the stations from top to bottom; a list written from the bottom up, as a log is, is turned over."""
+        depths = [one.numbers["md"] for one in found]
+        if len(found) < _UPWARDS or not all(a > b for a, b in itertools.pairwise(depths)):
+            return found
+        self._say(
+            RemarkKind.ROWS_REORDERED, f"{self.name}: the stations are listed from the bottom up and are turned over"
+        )
+        return found[::-1]
 
     def _of_one_leg(self, found: list[_ListedStation]) -> list[_ListedStation]:
         """
@@ -322,6 +361,12 @@ class _ListReader:
 
         A raw log lists surveys in the order in which they were taken. Raises ListFileError if it has several legs.
         """
+        holes = sorted({one.texts.get("leg", "") for one in found} - {""})
+        if len(holes) > 1 and not {"in_use", "station"} & set(self.columns):
+            raise ListFileError(
+                f"{self.name}: column {self.columns['leg'].name!r} names {len(holes)} holes"
+                f" ({', '.join(holes[:QUOTED])}), which are not one path; write a list for each hole"
+            )
         definitive = any(one.texts.get("station") in _START_ROWS for one in found)
         if self.provenance is None or "in_use" not in self.columns or definitive:
             return found
@@ -482,7 +527,7 @@ class _ListReader:
             sigma_inclination=column("sigma_inclination"),
             sigma_azimuth=column("sigma_azimuth"),
             tool=tuple(row.texts.get("tool", "") for row in rows),
-            time=tuple(row.texts.get("time", "") for row in rows),
+            time=tuple(dated(*([row.texts.get(what, "") for row in rows] for what in ("date", "time")))),
             verdict=tuple(_verdict(row) for row in rows),
             figures={what: self._figure(what, column(what)) for what in FIGURES},
             remarks=distinct(self.remarks),

@@ -57,6 +57,7 @@ _NUMBER = re.compile(
     re.DOTALL,
 )
 _SPACES = re.compile("(?<=\\d)['’\u00a0\u202f\u2009 ](?=\\d{3}(?!\\d))")
+_FORMULA = re.compile(r'^="(.*)"$')
 _LONGEST = 100  # longest text read as a number with unit, characters; matching time grows with the square of the length
 _GROUPED = re.compile(r"^[+-]?[1-9]\d{0,2}(?P<mark>[.,])\d{3}$")
 
@@ -88,7 +89,8 @@ def split(cell: Cell) -> tuple[str, str] | None:
     """Return the number in a cell, without group spaces, and the words after it; None if the cell is not a number."""
     if isinstance(cell, float):
         return repr(cell), ""
-    text = cell.strip().translate(_MINUS)
+    # Programs write ="12.5" so that a spreadsheet keeps the text of a number.
+    text = _FORMULA.sub(r"\1", cell.strip()).translate(_MINUS)
     if len(text) > _LONGEST:
         return None
     # Spreadsheets put an apostrophe in front of a number that is stored as text.
@@ -196,9 +198,9 @@ def _sexagesimal(text: str) -> float:
 
 def texts(columns: Sequence[Sequence[Cell]]) -> list[list[str]]:
     """
-    Return columns as text: numbers with a decimal point, null values as empty text.
+    Return columns as text: numbers with a decimal point, null values as empty text, other cells as they are.
 
-    A column that contains any words stays as it is. If no cell reveals the decimal mark, the point is the decimal mark.
+    If no cell reveals the decimal mark, the point is the decimal mark.
     """
     shown = set().union(*(marks(cells) for cells in columns)) if columns else set()
     whole = next(iter(shown)) if len(shown) == 1 else "."
@@ -206,21 +208,19 @@ def texts(columns: Sequence[Sequence[Cell]]) -> list[list[str]]:
     for cells in columns:
         own = marks(cells)
         mark = next(iter(own)) if len(own) == 1 else whole
-        try:
-            done.append(["" if is_null(cell) else _canonical(cell, mark) for cell in cells])
-        except ValueError:
-            done.append([cell.strip() if isinstance(cell, str) else repr(cell) for cell in cells])
+        done.append(["" if is_null(cell) else _canonical(cell, mark) for cell in cells])
     return done
 
 
 def _canonical(cell: Cell, mark: str) -> str:
+    """Return a cell as text, a number with a decimal point."""
     if isinstance(cell, float):
         return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
     found = split(cell)
-    if found is None or found[1]:
-        raise ValueError(cell)
-    number = found[0]
-    if mark == "," or "," in number:
-        return repr(value(number, mark))
-    float(number)
-    return number
+    try:
+        if found is not None and (mark == "," or "," in found[0]):
+            return f"{value(found[0], mark)!r} {found[1]}".strip()
+    except ValueError:
+        # Words that begin like a number.
+        pass
+    return cell.strip() if found is None or found[1] else found[0]

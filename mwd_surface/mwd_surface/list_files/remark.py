@@ -33,6 +33,7 @@ class RemarkKind(enum.StrEnum):
     AZIMUTH_MISSING = "azimuth_missing"  #: stations without azimuth
     NULL_VALUES = "null_values"  #: cells with a null value, such as -999.25
     ROWS_LEFT_OUT = "rows_left_out"  #: rows that are not stations: nulls, footers, notes, repeated headers
+    ROWS_REORDERED = "rows_reordered"  #: stations that were listed from the bottom up
     STATION_REPEATED = "station_repeated"  #: a station that occurs twice in the list
     STATIONS_NOT_USED = "stations_not_used"  #: stations whose verdict is not accept
     OVERRIDDEN = "overridden"  #: the caller replaced a unit or north that the file states

@@ -2,9 +2,10 @@
 """
 Meaning and units of the columns of a table of six-axis readings.
 
-Names are read without regard to case, spaces and brackets: ``grav_axial_mps2``, ``Grav Axial (m/s2)`` and
-``GRAV_AXIAL`` are the same quantity. A unit stands at the end of the name. If the names have no unit, the unit of a
-sensor is inferred from the size of the total acceleration or field.
+Names are read without regard to case, spaces, brackets and the order of their words: ``grav_axial_mps2``, ``Axial
+Gravity (m/s2)`` and ``GRAV_AXIAL`` are the same quantity. A unit stands at the end of the name. If the names have no
+unit, the unit of a sensor is inferred from the size of the total acceleration or field. The depth is found as in lists
+of stations.
 """
 
 from __future__ import annotations
@@ -20,9 +21,14 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_surface.list_files import list_columns
 from mwd_surface.list_files.list_columns import ANGLE_UNITS, LENGTH_UNITS
+from mwd_surface.list_files.number_cells import decimal_mark, is_null, split, value
 
 _AXES = ("axial", "tran1", "tran2")
+_AXIS_LETTERS = tuple(zip(_AXES, "xyz", strict=True))
+_LEAST_NAMES = 4  # smallest number of known names in the line that names the columns
+_SAME_DEPTH = 0.02  # largest difference of two columns of the same depth, m; feet are often rounded to 0.1
 _ACCELERATION = {
     "mps2": 1.0,
     "m_s2": 1.0,
@@ -30,8 +36,17 @@ _ACCELERATION = {
     "g": STANDARD_GRAVITY,
     "mg": 1e-3 * STANDARD_GRAVITY,
     "gn": STANDARD_GRAVITY,
+    "ftps2": 0.3048,
 }
-_FIELD = {"nt": 1e-9, "ut": 1e-6, "mt": 1e-3, "t": 1.0, "gauss": 1e-4, "mgauss": 1e-7}
+_FIELD = {
+    "nt": 1e-9,
+    "ut": 1e-6,
+    "mt": 1e-3,
+    "t": 1.0,
+    "gamma": 1e-9,
+    **dict.fromkeys(("gauss", "g"), 1e-4),
+    **dict.fromkeys(("mgauss", "mg"), 1e-7),
+}
 
 
 @dataclass(frozen=True)
@@ -53,19 +68,31 @@ def _sensor_names(stems: Sequence[str], axis: str, letter: str) -> tuple[str, ..
 
 
 # Beginnings of column names: gravity (down at rest), specific force (up at rest), magnetic field.
-_DOWN = ("grav", "gravity", "g")
-_UP = ("accel", "acc", "specific_force", "f", "linear_acceleration", "a")
-_MAGNETIC = ("mag", "magnetic_field", "b", "h", "m")
+_DOWN = ("grav", "g")
+_UP = ("accel", "acc", "specific_force", "f", "linear_accel", "a")
+_MAGNETIC = ("mag", "mag_field", "b", "h", "m")
+# Words of names with the same meaning.
+_SYNONYMS = {
+    **dict.fromkeys(("reference", "expected", "nominal"), "ref"),
+    **dict.fromkeys(("magnetic", "magnetometer"), "mag"),
+    **dict.fromkeys(("gravity",), "grav"),
+    **dict.fromkeys(("accelerometer", "acceleration"), "accel"),
+    **dict.fromkeys(("declination", "dec"), "decl"),
+    **dict.fromkeys(("convergence", "con"), "conv"),
+}
 
 _REFERENCES = {
     "total": _Quantity(
         "reference field strength",
         _FIELD,
-        ("b_ref", "bref", "field_ref", "b_total_ref", "btotal_ref", "mag_total_ref", "ref_b"),
+        (
+            *("b_ref", "bref", "field_ref", "field_total_ref", "field_strength_ref", "mag_field_ref"),
+            *("mag_field_strength_ref", "b_total_ref", "btotal_ref", "mag_total_ref"),
+        ),
     ),
-    "dip": _Quantity("reference dip", ANGLE_UNITS, ("dip_ref", "ref_dip", "dipref", "mag_dip_ref")),
+    "dip": _Quantity("reference dip", ANGLE_UNITS, ("dip_ref", "dipref", "mag_dip_ref")),
     "gravity": _Quantity(
-        "reference gravity", _ACCELERATION, ("g_ref", "gref", "grav_total_ref", "gravity_ref", "ref_g")
+        "reference gravity", _ACCELERATION, ("g_ref", "gref", "g_total_ref", "gtotal_ref", "grav_total_ref", "grav_ref")
     ),
     "declination": _Quantity(
         "declination", ANGLE_UNITS, ("decl_used", "decl", "declination", "mag_decl", "decl_ref", "mag_declination")
@@ -73,12 +100,12 @@ _REFERENCES = {
     "convergence": _Quantity(
         "grid convergence",
         ANGLE_UNITS,
-        ("grid_cor_used", "convergence", "grid_convergence", "grid_con", "grid_cor", "conv"),
+        ("grid_cor_used", "grid_conv", "grid_cor", "conv"),
     ),
 }
 _AZIMUTHS = ("azi", "az", "azim", "azimuth", "hole_azimuth")
-_NORTHS = {"grid": ("grid", "gn", "g"), "true": ("true", "tn", "t"), "magnetic": ("mag", "magnetic", "mn", "m")}
-_DEPTH = _Quantity("measured depth", LENGTH_UNITS, ("md", "measured_depth", "depth", "bit_depth", "survey_depth"))
+_NORTHS = {"grid": ("grid", "gn", "g"), "true": ("true", "tn", "t"), "magnetic": ("mag", "mn", "m")}
+_BIT = _Quantity("depth of the bit", LENGTH_UNITS, ("bit_depth", "bit_md"))
 # Angles given in the table; they show whether axes and signs of the sensor columns are correct.
 _PRINTED = {
     "inclination": _Quantity(
@@ -95,7 +122,8 @@ _PRINTED = {
 # Column names of the run or assembly, and of the tool; their values are the same within a run.
 _RUN = ("run", "run_no", "run_number", "run_id", "bha", "bha_no", "bha_number", "bha_run", "assembly")
 _TOOL = ("tool", "tool_id", "tool_no", "tool_serial", "serial", "serial_no", "sonde")
-_TIME = ("dtim_utc", "dtim", "time", "time_utc", "date_time", "datetime", "timestamp", "stamp_ns", "utc")
+_TIME = ("dtim_utc", "dtim", "time", "time_utc", "date_time", "datetime", "timestamp", "stamp_ns", "utc", "survey_time")
+_DATE = ("date", "date_utc", "survey_date")
 
 
 @dataclass(frozen=True)
@@ -150,10 +178,8 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
         if match:
             printed[key] = match
             factors[match] = _factor(table, match, quantity, [])
-    depth = _match([name for name in names if name not in factors], _DEPTH)
-    if depth:
-        factors[depth] = _factor(table, depth, _DEPTH, assumed)
-    time = next((name for name in names if _plain(name) in _TIME), None)
+    depth = _depth(table, [name for name in names if name not in factors], factors, assumed)
+    time = _named(names, _TIME) or _named(names, _DATE)
     run = tuple(name for words in (_RUN, _TOOL) for name in names if _plain(name) in words and name not in factors)
     return SixAxisColumns(
         gravity=gravity,
@@ -167,6 +193,71 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
         assumed=tuple(assumed),
         printed=printed,
     )
+
+
+def names_quantities(names: Sequence[str]) -> int:
+    """Return the number of names that are quantities of a table of readings; 0 if they are too few for its header."""
+    known = [
+        *(_Quantity("", _ACCELERATION, _sensor_names((*_DOWN, *_UP), axis, letter)) for axis, letter in _AXIS_LETTERS),
+        *(_Quantity("", _FIELD, _sensor_names(_MAGNETIC, axis, letter)) for axis, letter in _AXIS_LETTERS),
+        *_REFERENCES.values(),
+        *_PRINTED.values(),
+    ]
+    plain = [str(name) for name in names]
+    found = {name for quantity in known for name in _found(plain, quantity)}
+    found |= {name for k, name in enumerate(plain) if list_columns.column_of(k, name).quantity == "md"}
+    return len(found) if len(found) >= _LEAST_NAMES else 0
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a text is a unit of a quantity of such a table."""
+    units = (_ACCELERATION, _FIELD)
+    return any(_plain(text) in known for known in units) or bool(list_columns.unit_word(text))
+
+
+def time_columns(names: Sequence[str]) -> tuple[str, str]:
+    """Return the column of the time and the separate column of its date; "" for a column that does not exist."""
+    return _named(names, _TIME) or "", _named(names, _DATE) or ""
+
+
+def _named(names: Sequence[str], known: Sequence[str]) -> str | None:
+    return next((name for name in names if _plain(name) in known), None)
+
+
+def _depth(
+    table: Mapping[str, Sequence[Any]], names: Sequence[str], factors: dict[str, float], assumed: list[str]
+) -> str | None:
+    """
+    Return the column of the measured depth, by the names and units of lists of stations, and add its factor to m.
+
+    Without such a column, the depth of the bit is used. Raises ValueError if a unit is not understood, or if two
+    columns differ.
+    """
+    found = list(list_columns.find(names).of.get("md", ()))
+    if not found:
+        bit = _match(names, _BIT)
+        if bit:
+            factors[bit] = _factor(table, bit, _BIT, assumed)
+            assumed.append(f"{bit}: taken as the depth of the survey, because the table has no other depth")
+        return bit
+    # A column that states its unit comes first.
+    found.sort(key=lambda one: not one.unit)
+    for one in found:
+        if one.strange or one.unit not in (*LENGTH_UNITS, ""):
+            raise ValueError(f"{one.name}: {one.strange or one.unit!r} is not understood; write md_m or md_ft")
+    depths = []
+    for one in found:
+        name, factor = names[one.number], LENGTH_UNITS.get(one.unit, 1.0)
+        depths.append(numbers(table, name, len(table[name]), factor))
+        if np.nanmax(np.abs(depths[-1] - depths[0]), initial=0.0) > _SAME_DEPTH:
+            raise ValueError(
+                f"measured depth is given twice: {names[found[0].number]} and {name}; leave one of them out"
+            )
+    name = names[found[0].number]
+    factors[name] = LENGTH_UNITS.get(found[0].unit, 1.0)
+    if not found[0].unit:
+        assumed.append(f"{name}: taken as m")
+    return name
 
 
 def _triad(
@@ -213,8 +304,16 @@ def _triad_factors(
 
 def _plain(name: str) -> str:
     """Return a name in lower case, with words joined by underscores and without brackets and signs."""
-    name = name.strip().lower().replace("\u00b2", "2").replace("^", "").replace("m/s/s", "mps2").replace("m/s2", "mps2")
+    # A letter of an axis may be joined to the name of the sensor, as in xAccel.
+    name = re.sub(r"^([xyzXYZ])(?=[A-Z][a-z])", r"\1_", name.strip()).lower()
+    name = name.translate({0xB2: "2", 0xB5: "u", 0x3BC: "u", ord("^"): None})
+    name = re.sub(r"\b(m|ft)/s(?:ec)?(?:2|/s(?:ec)?)", r"\1ps2", name)
     return re.sub(r"[^a-z0-9]+", "_", name).strip("_")
+
+
+def _key(plain: str) -> frozenset[str]:
+    """Return the words of a name from `_plain`, without their order and in one form for each meaning."""
+    return frozenset(_SYNONYMS.get(word, word) for word in plain.split("_"))
 
 
 def _unit(name: str, units: Mapping[str, float]) -> str | None:
@@ -230,7 +329,8 @@ def _stem(name: str, units: Mapping[str, float]) -> str:
 
 def _found(names: Sequence[str], quantity: _Quantity) -> list[str]:
     """Return the columns whose name is a name of the quantity."""
-    return [name for name in names if _stem(name, quantity.units) in quantity.names or _plain(name) in quantity.names]
+    known = {_key(name) for name in quantity.names}
+    return [name for name in names if _key(_stem(name, quantity.units)) in known or _plain(name) in quantity.names]
 
 
 def _first(names: Sequence[str], quantity: _Quantity) -> str | None:
@@ -308,11 +408,28 @@ def numbers(table: Mapping[str, Sequence[Any]], name: str, rows: int, factor: fl
     cells = table[name]
     if len(cells) != rows:
         raise ValueError(f"{name}: {len(cells)} values where the other columns have {rows}")
-    return np.array([_number(cell) for cell in cells]) * factor
+    return np.array([_number(cell, factor) for cell in cells]) * factor
 
 
-def _number(cell: Any) -> float:
+def _number(cell: Any, factor: float) -> float:
+    """
+    Return the number in a cell, nan without one.
+
+    The number may have the unit of its column, or a direction as in a declination of 2.2 W.
+    """
     try:
         return float(cell)
     except (TypeError, ValueError):
+        pass
+    found = split(cell) if isinstance(cell, str) and not is_null(cell) else None
+    if found is None:
         return math.nan
+    try:
+        number = value(found[0], decimal_mark(found[0]))
+    except ValueError:
+        return math.nan
+    words = _plain(found[1])
+    if words in ("e", "east", "w", "west") and number >= 0.0:
+        return -number if words[0] == "w" else number
+    same = any(known.get(words) == factor for known in (_ACCELERATION, _FIELD, LENGTH_UNITS, ANGLE_UNITS))
+    return number if same else math.nan

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,19 @@ from mwd_estimation.core.reference_field import NORTHS, Reference, best_north, n
 from mwd_estimation.survey.station import Station, StationSettings, station
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files import table_wiring
-from mwd_surface.list_files.six_axis_columns import SixAxisColumns, find_columns, numbers
+from mwd_surface.list_files.list_rows import station_rows
+from mwd_surface.list_files.moments import dated
+from mwd_surface.list_files.number_cells import is_null, looks_like_number
+from mwd_surface.list_files.remark import Remark
+from mwd_surface.list_files.six_axis_columns import (
+    SixAxisColumns,
+    find_columns,
+    is_unit,
+    names_quantities,
+    numbers,
+    time_columns,
+)
+from mwd_surface.list_files.table import read_table
 
 Refine = Callable[[Reference, str], Reference]
 
@@ -62,6 +75,43 @@ def single_stations(rows: Sequence[TableRow], settings: StationSettings | None =
         TableStation(row.md, row.time, station(row.f_t, row.b_t, row.reference, settings, faults=row.faults), row.run)
         for row in rows
     ]
+
+
+def read_readings(path: Path, axial: str | None = None) -> tuple[dict[str, list[str]], tuple[Remark, ...]]:
+    """
+    Return the columns of a file with a table of readings by name, and remarks on what was left out.
+
+    The names are found below titles. Units in a line below the names become part of the names, times become ISO 8601,
+    and rows that are notes or totals are left out.
+
+    Raises
+    ------
+    ValueError
+        As `table.read_table` and `find_columns`.
+    """
+    table = read_table(path, names_quantities, _are_units)
+    names = tuple(
+        f"{name} ({unit})" if is_unit(unit) else name for name, unit in zip(table.names, table.units, strict=True)
+    )
+    table = replace(table, names=names)
+    found = find_columns(table.columns(), axial)
+    remarks = table.remarks
+    if found.depth:
+        rows, left_out = station_rows(
+            path.name, table.rows, [names.index(name) for name in (found.depth, *found.gravity, *found.field)]
+        )
+        table, remarks = replace(table, rows=tuple(rows)), (*remarks, *left_out)
+    columns = table.columns()
+    time, date = time_columns(names)
+    if time or date:
+        days, clocks = (columns[name] if name else [""] * len(table.rows) for name in (date, time))
+        columns[time or date] = dated(days, clocks)
+    return columns, remarks
+
+
+def _are_units(cells: Sequence[str]) -> int:
+    words = [str(cell) for cell in cells]
+    return int(any(map(is_unit, words)) and not any(map(looks_like_number, words)))
 
 
 def table_rows(
@@ -153,6 +203,10 @@ def _read(
         key: float(values[name][row]) for key, name in columns.references.items() if math.isfinite(values[name][row])
     }
     time = str(table[columns.time][row]) if columns.time else ""
+    for name in (*columns.references.values(), *filter(None, [columns.depth])):
+        cell = table[name][row]
+        if math.isnan(values[name][row]) and not is_null(str(cell)) and any(c.isdigit() for c in str(cell)):
+            raise ValueError(f"row {row + 1}: {name}: {cell!r} is not a number")
     try:
         reference = _merged(known, override)
         reference = refine(reference, time) if refine is not None and reference is not None else reference

@@ -36,10 +36,13 @@ from mwd_surface.list_files.remark import Remark, RemarkKind
 
 _HEAD = 200  # largest number of lines above the line that names the columns
 _STACKED = 4  # largest number of lines that together name the columns
+_MANY = 6  # number of words of a line that are names of columns, and not a sentence
 WIDE, SPACE = "  ", " "  # separators: two or more spaces; any spaces
 _SEPARATORS = ("\t", ";", "|", ",", WIDE, SPACE)
 _COMMENT = re.compile(r"^\s*(#|!|//|--(?=\s|\w)|\*|%|REM\b|REMARK\b)\s?", re.IGNORECASE)
 _RULE = re.compile(r"^[\s\-=_+|*~.:#]*$")
+# Cell of a table of spaces: a bearing such as N 45.5 E, a number with its direction, or a word.
+_TOKEN = re.compile(r"[NS] ?\d+(?:\.\d+)? ?[EW](?!\S)|[\d.,]*\d [NSEW](?!\S)|\S+")
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF32_LE, "utf-32"),
@@ -178,16 +181,16 @@ def _decoded(data: bytes, name: str) -> str:
         return data.decode("latin-1")
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path, is_header: Header | None = None, is_unit: Header | None = None) -> Table:
     """
-    Return the named columns of a file; the first line that is not a comment has the names.
+    Return the named columns of a file; is_header, is_unit: see `table_of`.
 
     Raises
     ------
     ListFileError
         The file cannot be read, is empty, has only names, has a name twice, or has a row with more cells than names.
     """
-    table = table_of(read_bytes(path), str(path))
+    table = table_of(read_bytes(path), str(path), is_header, is_unit)
     named = [name for name in table.names if name]
     twice = sorted({name for name in named if named.count(name) > 1})
     if twice:
@@ -258,8 +261,12 @@ def _of_sheets(grids: Sheets, name: str, is_header: Header | None, is_unit: Head
 
 def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header | None) -> Table:
     whole = [(k, line) for k, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    lines = [(k, line) for k, line in whole if not _COMMENT.match(line)]
-    comments = [_COMMENT.sub("", line).strip() for _, line in whole if _COMMENT.match(line)]
+    marked = [bool(_COMMENT.match(line)) for _, line in whole]
+    for at in range(1, len(whole)):
+        # The sign # of a column of numbers, in the second line of the names, is not the mark of a comment.
+        marked[at] = marked[at] and (marked[at - 1] or not _continues(whole[at - 1][1], whole[at][1]))
+    lines = [one for one, comment in zip(whole, marked, strict=True) if not comment]
+    comments = [_COMMENT.sub("", line).strip() for (_, line), comment in zip(whole, marked, strict=True) if comment]
     if not lines:
         raise ListFileError(f"{name}: empty")
     if is_header is not None:
@@ -280,11 +287,20 @@ def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header 
                     table = _assembled(name, grid, where, names, is_unit, comments)
                     return dataclasses.replace(table, separator=separator)
     separator = _most(lines[0][1])
+    if separator == SPACE and all(len(line.split()) == 1 for _, line in lines[1:3]):
+        # A single column, whose name has several words.
+        separator = WIDE
     grid, faults = _parted(lines, separator, name)
     if faults and is_header is None:
         raise next(iter(faults.values()))
     table = _assembled(name, grid, (0, 1), [str(cell) for cell in grid[0].cells], is_unit, comments)
     return dataclasses.replace(table, separator=separator)
+
+
+def _continues(above: str, line: str) -> bool:
+    """Return whether a line has as many words as the line above, as names of columns in several lines have."""
+    words, others = line.split(), above.split()
+    return len(words) == len(others) >= _MANY and not any(map(looks_like_number, (*words, *others)))
 
 
 def _parted(lines: Sequence[tuple[int, str]], separator: str, name: str) -> tuple[list[Row], dict[int, ListFileError]]:
@@ -392,12 +408,15 @@ def _spaced(
     Return the rows, the index of the first header row, the number of header rows, and the names; None if no header is
     found.
     """
-    tokens = [list(re.finditer(r"\S+", line)) for _, line in lines]
+    tokens = [list(_TOKEN.finditer(line)) for _, line in lines]
     grid = [
         Row(f"{name}, line {k}", tuple(t.group() for t in found)) for (k, _), found in zip(lines, tokens, strict=True)
     ]
     numeric = [sum(looks_like_number(cell) for cell in row.cells) for row in grid]
-    likely = [k for k in range(1, len(grid)) if numeric[k] > 2 and numeric[k] >= len(grid[k].cells) - 1]
+    rows = [k for k in range(1, len(grid)) if numeric[k] > 2]
+    likely = [k for k in rows if numeric[k] >= len(grid[k].cells) - 1]
+    # Without rows of numbers with at most one word, rows with several words, such as date and clock, count.
+    likely = likely or [k for k in rows if 2 * numeric[k] > len(grid[k].cells)]
     if not likely or likely[0] > _HEAD:
         return None
     # Rows that lack a cell are shorter than complete rows.
@@ -409,19 +428,26 @@ def _spaced(
     grid = [_aligned(row, found, spans) for row, found in zip(grid, tokens, strict=True)]
     # Rows directly above that lack a cell, such as the azimuth of a vertical hole, are data too.
     data = full
-    while data > 1 and len(grid[data - 1].cells) == width and numeric[data - 1] >= len(tokens[data - 1]) - 1 > 0:
+    while data > 1 and len(grid[data - 1].cells) == width and 2 * numeric[data - 1] > len(tokens[data - 1]) > 1:
         data -= 1
+    # A ruled line with a part for each column shows where the names stand.
+    ruled = (
+        found for found in tokens[max(0, data - _STACKED - 1) : data] if all(_RULE.match(t.group()) for t in found)
+    )
+    above = next(([t.span() for t in found] for found in ruled if len(found) == width), spans)
     best: tuple[int, int, list[str]] = (0, 0, [])
     names, parted = [""] * width, [""] * width
     for count in range(1, min(_STACKED + 1, data) + 1):
         line = data - count
-        if numeric[line] or ":" in lines[line][1] or (count > 1 and lines[line + 1][0] - lines[line][0] > 1):
-            # This line holds numbers, belongs to the head of the list, or follows a gap: it is not part of the names.
+        bare = any(looks_like_number(t.group()) and t.group()[-1].isdigit() for t in tokens[line])
+        if bare or ":" in lines[line][1] or (count > 1 and lines[line + 1][0] - lines[line][0] > 1):
+            # This line holds numbers, other than those of units such as deg/30m, belongs to the head of the list, or
+            # follows a gap: it is not part of the names.
             break
         # Read the line in two ways: split at wide spaces, and with each word assigned to the column below it. Join the
         # result with the names from the lines below.
         text = lines[line][1].strip()
-        names = [f"{a} {b}".strip() for a, b in zip(_placed_above(tokens[line], spans), names, strict=True)]
+        names = [f"{a} {b}".strip() for a, b in zip(_placed_above(tokens[line], above), names, strict=True)]
         wide = re.split(r"\s{2,}|\t", text)
         if len(wide) == width:
             parted = [f"{a} {b}".strip() for a, b in zip(wide, parted, strict=True)]

@@ -37,6 +37,8 @@ _DIP_FITS, _DIRECTION_OFF, _DIRECTION_FITS, _BETTER = math.radians(1.5), math.ra
 # _LEAST_ROWS is the smallest number of rows for a decision: one row fits one of 48 wirings by chance in a third of the
 # cases, three rows in one of 10 000.
 _FEW, _MOST, _LEAST_ROWS = 0.2, 0.8, 3
+# Inclination above which a hole goes up, rad; beyond the horizontal by more than landings overshoot.
+_UPWARDS = math.radians(95.0)
 # Attitudes that differ by more than this, rad, show the wiring independently.
 _ANOTHER_ATTITUDE = math.radians(10.0)
 _ACCELERATIONS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "ft/s^2": 0.3048, "Gal": 0.01}
@@ -108,8 +110,8 @@ def wiring_faults(force: Sensor, field: Sensor, expected: ExpectedRows) -> tuple
     looked = np.unique(np.linspace(0, len(at) - 1, min(len(at), _LOOKED_AT)).round().astype(int))
     f_t, b_t = (values[looked] for values in scaled)
     known = (part[at][looked] for part in (expected.dip, expected.inclination, expected.azimuth))
-    wirings = _wirings(f_t, b_t, *known)
-    return (*found, _named(force.columns, field.columns, wirings)) if wirings else tuple(found)
+    wirings, by_dip = _wirings(f_t, b_t, *known)
+    return (*found, _named(force.columns, field.columns, wirings, by_dip=by_dip)) if wirings else tuple(found)
 
 
 def _unit_of(sensor: Sensor, values: Array) -> str | None:
@@ -177,9 +179,11 @@ def _cost(pair: tuple[int, int]) -> int:
     return _COSTS[p] + (1 if p == q and p != _AS_IT_IS else _COSTS[q])
 
 
-def _wirings(f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, printed: Array) -> list[tuple[int, int]]:
+def _wirings(
+    f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, printed: Array
+) -> tuple[list[tuple[int, int]], bool]:
     """
-    Return the simplest wirings of both sensors that explain a run, as indices in `_WAYS`.
+    Return the simplest wirings of both sensors that explain a run, as indices in `_WAYS`, and whether dips show them.
 
     The list is empty if the table may have the right wiring. f_t, b_t: shape (n, 3). dip, printed_inclination, printed:
     shape (n,), as in `ExpectedRows`.
@@ -190,6 +194,11 @@ def _wirings(f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, pri
     dips = -np.arcsin(np.clip(np.einsum("pni,qni->pqn", f[:, known], b[:, known]), -1.0, 1.0))
     fits = (np.abs(dips - dip[known]) < _DIP_FITS).mean(axis=2) if known.any() else np.ones((len(f), len(b)))
     off = _directions_off(f, b, printed_inclination, printed)
+    reversed_dips = known.any() and fits[_REVERSED, _AS_IT_IS] >= _MOST and fits[_AS_IT_IS, _AS_IT_IS] <= _FEW
+    if off is None and reversed_dips and (inclination(f[_AS_IT_IS]) > _UPWARDS).all():
+        # Readings with the sign of the specific force under the names of gravity, or the reverse: the hole seems to
+        # go up everywhere. A dip of the wrong sign in the reference has the same dips, but it turns no hole over.
+        return [(_REVERSED, _AS_IT_IS)], True
     if off is not None and off[_AS_IT_IS, _AS_IT_IS] > _DIRECTION_OFF:
         # Compare with the angles in the table. Among the wirings that fit these angles, keep those with the best dips.
         fitting = (off < _DIRECTION_FITS) & (_BETTER * off < off[_AS_IT_IS, _AS_IT_IS])
@@ -200,10 +209,10 @@ def _wirings(f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, pri
         fitting[_AS_IT_IS] = fits[_AS_IT_IS] >= _MOST
         fitting[_AS_IT_IS, _REVERSED] = False
     else:
-        return []
+        return [], False
     pairs = [(int(p), int(q)) for p, q in np.argwhere(fitting)]
     scores = [(-float(fits[pair]), _cost(pair)) for pair in pairs]
-    return [pair for pair, score in zip(pairs, scores, strict=True) if score == min(scores)]
+    return [pair for pair, score in zip(pairs, scores, strict=True) if score == min(scores)], off is None
 
 
 def _directions_off(f: Array, b: Array, printed_inclination: Array, printed: Array) -> Array | None:
@@ -243,10 +252,9 @@ def _angle(a: Array, c: Array) -> float:
     return math.atan2(float(np.linalg.norm(np.cross(a, c))), float(a @ c))
 
 
-def _named(force: Sequence[str], field: Sequence[str], pairs: Sequence[tuple[int, int]]) -> Reason:
+def _named(force: Sequence[str], field: Sequence[str], pairs: Sequence[tuple[int, int]], *, by_dip: bool) -> Reason:
     """Return the reason that names the corrections of the columns, one for each possible wiring."""
-    by_dip = all(p == _AS_IT_IS for p, _ in pairs)
-    if by_dip:
+    if all(p == _AS_IT_IS for p, _ in pairs):
         # The inverse change of the gravity columns gives the same dips.
         remedies = [_words(names, way) for _, q in pairs for names, way in ((field, _WAYS[q]), (force, _WAYS[q].T))]
     else:

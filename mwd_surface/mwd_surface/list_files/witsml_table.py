@@ -21,7 +21,7 @@ from mwd_surface.list_files.table import Table
 
 # Quantity -> element name in lower case; the name begins with a small letter in versions 1.x, with a capital in 2.x.
 _TAGS = {"md": "md", "inclination": "incl", "azimuth": "azi", "tvd": "tvd", "north": "dispns", "east": "dispew"}
-_PROJECTIONS = ("hold to md", "dls and toolface to md")
+_PROJECTIONS = ("hold to md", "dls and toolface to md", "extrapolated")
 
 
 def witsml_table(text: str, name: str) -> Table:
@@ -56,11 +56,14 @@ def witsml_table(text: str, name: str) -> Table:
         cells = [_measure(station, what, tag, at) for what, tag in _TAGS.items()]
         tool = _text(station, "typesurveytool") or kind
         row = "tie-on" if kind.lower() == "tie in point" else ""
-        rows.append(Row(at, (*cells, tool, _text(station, "dtimstn"), row)))
+        rows.append(Row(at, (*cells, tool, _text(station, "dtimstn"), row, _text(station, "statustrajstation"))))
+    # The order of the elements of a document has no meaning.
+    rows.sort(key=lambda row: float(row.cells[0] or 0.0))
     if projected:
         said = f"{name}: {projected} projections to the bit are left out"
         remarks.append(Remark(RemarkKind.ROWS_LEFT_OUT, said, {"rows": float(projected)}))
-    names, units = (*_TAGS, "tool", "time", "station"), ("m", "rad", "rad", "m", "m", "m", "", "", "")
+    names = (*_TAGS, "tool", "time", "station", "verdict")
+    units = ("m", "rad", "rad", "m", "m", "m", "", "", "", "")
     title = _text(trajectory, "name") or _text(trajectory, "title") or name
     head = [f"azimuth reference: {reference}"] if reference else []
     for custom in _children(trajectory, "customdata"):

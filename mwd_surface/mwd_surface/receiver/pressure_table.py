@@ -24,6 +24,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.foreign_text import first_of
 from mwd_sensors.core.input_files import check_regular, read_file
+from mwd_surface.list_files import moments
 from mwd_surface.list_files.grid_file import Row, is_spreadsheet
 from mwd_surface.list_files.las_table import is_las, las_table
 from mwd_surface.list_files.number_cells import NULL_NUMBERS, Cell, decimal_mark, looks_like_number, split
@@ -36,23 +37,24 @@ _FULL_SCALE = 1.0e7  # pressure at 20 mA of a gauge whose range is not known, Pa
 # Current loop of 4 to 20 mA: current at no pressure, its increase up to full pressure, and current below which the wire
 # is broken (NAMUR), A.
 _LIVE_ZERO, _SPAN, _BROKEN = 4e-3, 16e-3, 3.6e-3
-PRESSURES = {
+_UNITS = {
     "pa": 1.0,
     "kpa": 1e3,
     "mpa": 1e6,
     "mbar": 100.0,
     "bar": 1e5,
-    "barg": 1e5,
     "bars": 1e5,
     "psi": 6894.757293168,
-    "psig": 6894.757293168,
-    "psia": 6894.757293168,
     "ksi": 6_894_757.293168,
     "hpa": 100.0,
     "atm": 101_325.0,
     "at": 98_066.5,
     "kgcm": 98_066.5,
     "kgfcm": 98_066.5,
+}
+# A unit may end with g (gauge) or a (absolute): a decoder uses changes of the pressure only.
+PRESSURES = {
+    **{unit + end: factor for unit, factor in _UNITS.items() for end in ("", "g", "a")},
     "v": 1.0,
     "mv": 1e-3,
     "ma": 1e-3,
@@ -62,15 +64,18 @@ _DECIMAL_MARKS = {"comma": ",", "point": "."}
 _TIME = re.compile(
     r"^(?:rig |local |utc |gps |unix |elapsed |sample |log |server |source |measurement |measuring |test )?"
     r"(?:time ?stamp|time|ts|t|datetime|date ?/? ?time|epoch|stamp|clock|elapsed|etim|zeit\w*|uhrzeit|datum/uhrzeit|"
-    r"tiempo|hora|temps|heure|horodatage|tid|tempo|时间|时刻|время)\b"
+    r"tiempo|hora|temps|heure|horodatage|tid|tempo|时间|时刻|время)\b|^(?:seconds|hh? mm(?: ss)?)$"
 )
-_DATE = re.compile(r"^(?:date|day|日期|datum|fecha|dato|data|дата)\b")
+_DATE = re.compile(
+    r"^(?:date|day|日期|datum|fecha|dato|data|дата)\b|^(?:y{2,4}[/ ]mm[/ ]dd|[dm]{2}[/ ][dm]{2}[/ ]y{2,4})$"
+)
 # Names of the pressure that the tool modulates, of any pressure, and of pressures of other places.
 _STANDPIPE = re.compile(r"stand ?pipe|\bspp|standrohr|立压|立管")
 _PRESSURE = re.compile(r"press|druck|presion|presión|trykk|泵压|давл|voltage|\bvolts?\b|\bp\b|\bcurrent\b|\bloop\b")
 _ELSEWHERE = re.compile(
     r"diff|annul|casing|choke|hydrostatic|downhole|bottom ?hole|\bbh|\bkill|cement|boost|\bmax|\bmin\b|hydraulic"
 )
+_AVERAGED = re.compile(r"\bavg\b|\baverage|\bmean\b|\bsmooth|\bfiltered\b")
 _PUMP = re.compile(r"^(?:pump|pump no|pump number|泵)\b")
 _QUALITY = re.compile(r"^(?:quality|qual|status|state|qualität)\b")
 _BAD_QUALITY = 64  # lowest quality of a good sample, for OPC quality numbers and for percent
@@ -331,7 +336,8 @@ class _TableFile:
         if column.unit not in PRESSURES:
             raise ValueError(
                 f"{self.path}: pressure (column {column.name!r}) has no unit of pressure; write pressure_bar or a line"
-                f" of units, or say it with --columns pressure_bar={column.name}; units: {', '.join(PRESSURES)}"
+                f" of units, or say it with --columns pressure_bar={column.name}; units:"
+                f" {', '.join((*_UNITS, 'v', 'mv', 'ma'))}"
             )
         return column
 
@@ -423,7 +429,10 @@ class _TableFile:
         if any(key.startswith("rate") for key in self._said):
             return []
         dates = self.found("date", _DATE)
-        clocks = self.found("time", _TIME) or [one for one in dates if ":" in self._first(one)]
+        # A date may contain the time of day, as a clock or as the fraction of a day.
+        clocks = self.found("time", _TIME) or [
+            one for one in dates if ":" in self._first(one) or looks_like_number(self._first(one))
+        ]
         own = [one for one, words in self._columns() if words.endswith((" time", " timestamp", " time stamp"))]
         alike = not clocks or len({_last(_words(one.name, "")[0]) for one in clocks}) == 1
         clocks = clocks or own
@@ -593,7 +602,7 @@ class _TableFile:
         import pyarrow.compute as pc
 
         if pa.types.is_floating(cells.type):
-            return _without_nulls(table_times.array(cells))
+            return _without_nulls(moments.array(cells))
         text = pc.utf8_trim_whitespace(cells)
         if column.unit:
             text = pc.replace_substring_regex(text, rf"(?i)\s*(?:{column.unit}|kg/cm2|kg/cm²)\.?$", "")
@@ -606,7 +615,7 @@ class _TableFile:
             text = pc.replace_substring(pc.replace_substring(text, ".", "?"), ",", ".")
         is_number = pc.match_substring_regex(text, _NUMBER)
         kept = pc.if_else(is_number, text, pa.scalar(None, pa.string()))
-        values, notes = _without_nulls(table_times.array(pc.cast(kept, pa.float64())))
+        values, notes = _without_nulls(moments.array(pc.cast(kept, pa.float64())))
         words = pc.and_(pc.invert(is_number), pc.greater(pc.utf8_length(text), 0))
         if count := pc.sum(words).as_py():
             example = cells.filter(words)[0].as_py()[:20]
@@ -651,7 +660,7 @@ class _TableFile:
             numbers, notes = self.numbers(cells[-1], column)
             return self._of_numbers(numbers, column), f"{column.name} of the file", notes
         text = pc.utf8_trim_whitespace(pc.cast(text, "string"))
-        seconds = table_times.of_text(text)
+        seconds = moments.of_text(text)
         if not np.isfinite(seconds).sum() * 2 > len(seconds):
             example = text[0].as_py() if len(text) else ""
             raise ValueError(
@@ -768,11 +777,13 @@ def _head_of(columns: Mapping[str, list[str]], path: str) -> Table:
 
 def _pressures(columns: Sequence[tuple[_Column, str]]) -> list[_Column]:
     """
-    Return the pressure columns, standpipe pressure first; columns: columns with the words of their names.
+    Return the pressure columns, standpipe pressure first and averages last, which have no pulses.
 
-    If no name means a pressure, all columns with a unit of pressure are returned.
+    columns: columns with the words of their names. If no name means a pressure, all columns with a unit of pressure
+    are returned.
     """
     rows = [(one, words) for one, words in columns if not _ELSEWHERE.search(words)]
+    rows.sort(key=lambda row: bool(_AVERAGED.search(row[1])))
     named = [one for one, words in rows if _STANDPIPE.search(words)]
     named += [one for one, words in rows if one not in named and _PRESSURE.search(words)]
     if named:
@@ -845,9 +856,9 @@ def _of_good_quality(pressure: Array, quality: Any) -> tuple[Array, list[str]]:
 
     text = pc.utf8_lower(pc.utf8_trim_whitespace(pc.cast(quality, "string")))
     bad = pc.match_substring_regex(text, "^(?:bad|invalid|fail|error|fault|not )")
-    lost = table_times.array(pc.cast(pc.cast(bad, "int8"), "float64")) == 1.0
+    lost = moments.array(pc.cast(pc.cast(bad, "int8"), "float64")) == 1.0
     is_number = pc.match_substring_regex(text, _NUMBER)
-    numbers = table_times.array(pc.cast(pc.if_else(is_number, text, None), "float64"))
+    numbers = moments.array(pc.cast(pc.if_else(is_number, text, None), "float64"))
     if set(np.unique(numbers)) & _GOOD_QUALITIES:
         lost |= numbers < _BAD_QUALITY
     lost &= np.isfinite(pressure)

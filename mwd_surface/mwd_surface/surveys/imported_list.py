@@ -93,7 +93,12 @@ def survey_list(
     records = [_record(stations, k, North[north.upper()], reference, every=every) for k in below]
     if not records and stations.md.size > 1:
         raise ValueError(f"{stations.name}: no station lies below the tie-on at {start.measured_depth:g} m")
-    left = sum(not record.in_use for record in records)
+    unused = [record for record in records if not record.in_use]
+    blind = sum(math.isnan(record.survey.azimuth) for record in unused)
+    if blind:
+        text = f"{blind} of {len(records)} stations are not used, because they are inclined and have no azimuth"
+        remarks.append(Remark(RemarkKind.STATIONS_NOT_USED, text, {"stations": blind}))
+    left = len(unused) - blind
     if left:
         text = f"{left} of {len(records)} stations are not used, because their verdict is not accept; --all uses them"
         remarks.append(Remark(RemarkKind.STATIONS_NOT_USED, text, {"stations": left}))

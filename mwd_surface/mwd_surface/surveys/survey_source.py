@@ -24,7 +24,7 @@ from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.message_conversion import list_of
 from mwd_surface.surveys.recorded_settings import recorded_settings
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_store import decoded
+from mwd_surface.surveys.survey_store import NotWholeError, decoded
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.slide_file import NAME, read_stretches
 from mwd_surface.trajectory.slide_sheet import DrilledStretch
@@ -64,7 +64,13 @@ def surveys_of(path: Path, given: Given | None = None) -> tuple[SurveyList, tupl
         The path does not exist, or the list of the recording cannot be read.
     """
     if path.is_file() and path.suffix == ".json":
-        return _remarked(decoded(read_file(path, budgets.JSON)))
+        try:
+            return _remarked(decoded(read_file(path, budgets.JSON)))
+        except NotWholeError as error:
+            raise ValueError(
+                f"{path.name}: {error}; a JSON file is read only if it is a survey list of this program: export other"
+                " lists as CSV, .xlsx, LAS or WITSML"
+            ) from error
     if is_list(path):
         return _remarked(survey_list(_read(path, given)))
     folders = _folders(path) if path.is_dir() else []

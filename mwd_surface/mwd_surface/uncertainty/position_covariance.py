@@ -138,10 +138,13 @@ def well_terms(
     Raises
     ------
     ValueError
-        `error_terms` refuses the input, the north is unknown, or the reference has a value that is not finite or a
-        total that is not positive.
+        `error_terms` refuses the input, the north is unknown, or the reference has a value that is not finite, such as
+        the angle between this north and true north, or a total that is not positive.
     """
     depth, inc, azi = stations
+    needed = {North.MAGNETIC: "declination", North.GRID: "convergence"}.get(north)
+    if needed is not None and math.isnan(getattr(reference, needed)):
+        raise ValueError(f"reference: azimuths from {north.name.lower()} north need the {needed}")
     fields = {k: v for k, v in dataclasses.asdict(reference).items() if k != "latitude"}
     if not all(map(math.isfinite, fields.values())) or reference.b_total <= 0.0 or reference.g_total <= 0.0:
         raise ValueError(f"reference: totals must be positive and all values finite, got {fields}")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One list in the words of many countries and programs: its north, units, projections and marks are read or refused."""
 
+import datetime as dt
 import math
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core import utc
 from mwd_surface.list_files.list_columns import Given
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import list_of
@@ -17,6 +20,7 @@ from mwd_surface.list_files.table import text_of
 MD = np.arange(0.0, 601.0, 30.0)
 INC = np.clip((MD - 90.0) * 0.1, 0.0, 45.0)
 AZI = np.full_like(MD, 118.25)
+PLACES = mc.path(MD, np.radians(INC), np.radians(AZI), (0.0, 0.0, 0.0))
 LANGUAGES = {
     "german": "Meßteufe [m];Neigung [Grad];Azimut [Grad];Teufe senkrecht [m]",
     "german long": "Bohrlochlänge (m);Neigungswinkel (°);Richtung (°);Vertikale Teufe (m)",
@@ -290,3 +294,163 @@ def test_a_unit_or_north_that_the_caller_replaces_is_a_remark():
     read = list_of(data, given=Given(length_unit="ft", north="grid"))
     assert read.md[-1] == pytest.approx(330 * 0.3048)
     assert [one.kind for one in read.remarks] == [RemarkKind.OVERRIDDEN] * 2
+
+
+@pytest.mark.parametrize(
+    ("names", "form"),
+    [
+        ("Date,Time", "{:%d/%m/%Y,%H:%M}"),
+        ("Date", "{:%d.%m.%Y %H:%M}"),
+        ("Survey Time", "{:%d-%b-%y %I:%M %p}"),
+        ("DTIM", "{:%Y-%m-%dT%H:%M:00Z}"),
+        ("Datum,DTIM", "RKB,{:%Y-%m-%dT%H:%M:00Z}"),
+        ("Date,Time", "{0:%Y-%m-%d},{0:%Y-%m-%d %H:%M}"),
+    ],
+)
+def test_dates_and_clocks_in_any_usual_form_are_the_times_of_the_stations(names, form):
+    times = [dt.datetime(2026, 3, 1, 6, 30, tzinfo=dt.UTC) + dt.timedelta(hours=12 * k) for k in range(len(MD))]
+    lines = [f"{line},{form.format(at)}" for line, at in zip(rows(",", ".").splitlines(), times, strict=True)]
+    stations = read("\n".join([f"MD (m),Inc,Azi,{names}", *lines]))
+    assert_read(stations)
+    assert [utc.moment(text) for text in stations.time] == times
+
+
+def with_column(name, word, *, extra):
+    """A list with a column that accepts its stations, and, above the fifth one, with a row that it does not accept."""
+    lines = [f"{line},{word}" for line in rows(",", ".").splitlines()]
+    return "\n".join(["MD (m),Inc,Azi," + name, *lines[:5], extra, *lines[5:]]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "accepted", "rejected"),
+    [
+        ("Status", "Accepted", "Rejected"),
+        ("QC", "GOOD", "BAD"),
+        ("Verdict", "ok", "fail"),
+        ("Use", "Y", "N"),
+        ("Used", "1", "0"),
+        ("Accepted", "true", "false"),
+        ("Accept/Reject", "Accept", "Reject"),
+        ("QC Pass", "Yes", "No"),
+    ],
+)
+@pytest.mark.parametrize("bad", ["119.00,3.00,291.00", "120.00,3.00,291.00"])
+def test_a_station_that_its_list_rejects_is_left_out(name, accepted, rejected, bad):
+    stations = read(with_column(name, accepted, extra=f"{bad},{rejected}"))
+    assert_read(stations)
+    assert [one.kind for one in stations.remarks] == [RemarkKind.ROWS_LEFT_OUT]
+
+
+def test_a_suspect_station_is_doubtful():
+    stations = read(
+        with_column("QC", "Good", extra="120.00,3.00,120.00,Suspect").replace("120.00,3.00,118.25,Good\n", "")
+    )
+    assert [k for k, verdict in enumerate(stations.verdict) if verdict != "accept"] == [4]
+    assert stations.verdict[4] == "doubtful"
+
+
+def test_a_word_that_neither_accepts_nor_rejects_is_quoted():
+    stations = read(with_column("Status", "A7", extra=""))
+    assert_read(stations)
+    assert any("'a7'" in one.text for one in stations.remarks)
+    marked = read(with_column("Bad", "", extra=""))
+    assert [one.kind for one in marked.remarks] == [RemarkKind.COLUMN_NOT_READ]
+
+
+def test_a_list_from_the_bottom_up_is_the_same_list():
+    head, *lines = ["MD (m),Inc,Azi", *rows(",", ".").splitlines()]
+    stations = read("\n".join([head, *lines[::-1]]))
+    assert_read(stations)
+    assert [one.kind for one in stations.remarks] == [RemarkKind.ROWS_REORDERED]
+
+
+@pytest.mark.parametrize("deeper", [0.0, 900.0])
+def test_a_list_of_several_holes_is_refused_by_name_and_one_of_one_hole_is_read(deeper):
+    one = [f"DD01,{line}" for line in rows(",", ".").splitlines()]
+    two = [f"DD02,{md + deeper:.2f},45.00,118.25" for md in MD]
+    assert_read(read("\n".join(["HOLE_ID,MD (m),Inc,Azi", *one])))
+    with pytest.raises(ListFileError, match=r"'HOLE_ID' names 2 holes \(DD01, DD02\)"):
+        read("\n".join(["HOLE_ID,MD (m),Inc,Azi", *one, *two]))
+
+
+def test_the_order_of_the_stations_of_a_trajectory_has_no_meaning_and_its_rejected_ones_are_left_out():
+    stations = [
+        f'<trajectoryStation><typeTrajStation>{kind}</typeTrajStation><md uom="m">{md}</md><incl uom="deg">{inc}</incl>'
+        f'<azi uom="deg">{azi}</azi><statusTrajStation>{status}</statusTrajStation></trajectoryStation>'
+        for md, inc, azi, kind, status in [
+            *((md, inc, azi, "magnetic MWD", "position") for md, inc, azi in zip(MD, INC, AZI, strict=True)),
+            (100.0, 2.0, 300.0, "magnetic MWD", "rejected"),
+            (620.0, 45.0, 118.25, "extrapolated", "open"),
+        ]
+    ]
+    order = np.random.default_rng(1).permutation(len(stations))
+    text = "".join(stations[k] for k in order)
+    assert_read(read(f'<trajectorys version="1.4.1.1"><trajectory>{text}</trajectory></trajectorys>'))
+
+
+@pytest.mark.parametrize("name", ["Azi Type", "North Ref", "Azimuth Reference"])
+def test_a_column_of_the_north_is_the_north(name):
+    lines = [f"{line},Grid" for line in rows(",", ".").splitlines()]
+    stations = read("\n".join([f"MD (m),Inc,Azi,{name}", *lines]))
+    assert_read(stations)
+    assert stations.north == "grid"
+
+
+def test_the_depth_of_the_hole_is_not_the_depth_of_a_survey_unless_it_is_the_only_depth():
+    lines = rows(",", ".").splitlines()
+    deeper = [f"{md + 15.0:.2f},{line}" for md, line in zip(MD, lines, strict=True)]
+    assert_read(read("\n".join(["Hole Depth (m),Survey Depth (m),Inc,Azi", *deeper])))
+    assert_read(read("\n".join(["Hole Depth (m),Inc,Azi", *lines])))
+
+
+def test_the_errors_of_the_angles_are_not_angles():
+    lines = [f"{line},0.10,0.50" for line in rows(",", ".").splitlines()]
+    assert_read(read("\n".join(["MD (m),Inc (deg),Azi (deg),Inc Err (deg),Azi Unc (deg)", *lines])))
+
+
+def test_numbers_that_a_spreadsheet_shall_keep_as_text_are_numbers():
+    lines = [",".join(f'="{cell}"' for cell in line.split(",")) for line in rows(",", ".").splitlines()]
+    assert_read(read("\n".join(["MD (m),Inc,Azi", *lines])))
+
+
+def report(columns, form):
+    """A report of columns of text, with the names above the columns and ruled lines around them."""
+    ruled = " ".join("-" * (width - 1) for _, width in columns)
+    count = max(len(names) for names, _ in columns)
+    heads = [
+        " ".join(f"{names[k] if k < len(names) else '':<{width - 1}}" for names, width in columns) for k in range(count)
+    ]
+    lines = [form(k) for k in range(len(MD))]
+    return "\n".join([ruled, *heads, ruled, *lines, ""])
+
+
+REPORTS = {
+    "number, closure and tool": report(
+        [
+            (("Seq", "#", "-"), 5),
+            (("Measured", "depth", "(m)"), 11),
+            (("Incl", "angle", "(deg)"), 8),
+            (("Azimuth", "angle", "(deg)"), 9),
+            (("At", "Azim", "(deg)"), 8),
+            (("DLS", "(deg/", "30m)"), 7),
+            (("Srvy", "tool", "type"), 8),
+            (("Tool", "Corr", "-"), 7),
+        ],
+        lambda k: (
+            f"{k:4} {MD[k]:10.2f} {INC[k]:7.2f} {AZI[k]:8.2f} {77.0:7.2f} {3.0:6.2f} "
+            + ("MWD_IFR  6-axis" if k else "TIP      None")
+        ),
+    ),
+    "date and clock": "Date       Time      MD      Inc    Azi\n                     m       deg    deg\n"
+    + "".join(f"2026-03-01 {k:02}:30:00 {MD[k]:8.2f} {INC[k]:6.2f} {AZI[k]:7.2f}\n" for k in range(len(MD))),
+    "directions after offsets": "  MD (m)    Incl    Azim   Latitude  Departure\n"
+    + "".join(
+        f"{MD[k]:9.2f} {INC[k]:6.2f} {AZI[k]:7.2f} {-north:8.2f} S {east:8.2f} E\n"
+        for k, (north, east, _) in enumerate(PLACES)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REPORTS)
+def test_reports_with_columns_of_words_are_read(name):
+    assert_read(read(REPORTS[name]))

@@ -5,6 +5,7 @@ import csv
 import math
 
 import numpy as np
+import openpyxl
 import pytest
 
 from mwd_estimation.core.reason_text import texts
@@ -13,7 +14,7 @@ from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 from mwd_surface.list_files.six_axis_columns import find_columns
-from mwd_surface.list_files.six_axis_table import single_stations, table_rows
+from mwd_surface.list_files.six_axis_table import read_readings, single_stations, table_rows
 from project import REFERENCE_DATA
 
 DEG = math.pi / 180.0
@@ -156,3 +157,101 @@ def test_letters_without_word_of_the_axis_are_refused_by_name():
         stations(table)
     with pytest.raises(ValueError, match="not x or z"):
         stations(table, axial="y")
+
+
+G_T, B_T, INC, _ = shots(6)
+DEPTHS = 500.0 + 30.0 * np.arange(6)
+ACROSS = ("Gx", "Gy", "Gz", "Bx", "By", "Bz")
+
+
+def readings(acceleration=9.80665, field=1e-9, depth=1.0):
+    """Rows of depth, and of readings with the axis z along the hole, in units of m, m/s^2 and T."""
+    order = [1, 2, 0]
+    return np.column_stack([DEPTHS / depth, G_T[:, order] / acceleration, B_T[:, order] / field]).tolist()
+
+
+def lines(names, rows, separator=",", form="{:.6f}".format):
+    return "\n".join([separator.join(names), *(separator.join(map(form, row)) for row in rows)]) + "\n"
+
+
+def units(length, acceleration, field, names=ACROSS):
+    sensors = [acceleration] * 3 + [field] * 3
+    return [f"MD ({length})", *(f"{name} ({unit})" for name, unit in zip(names, sensors, strict=True))]
+
+
+METRIC = units("m", "g", "nT")
+MARKED = "Raw surveys\nWell: X,,,,,,\n\n"
+PLAIN = lines(METRIC, readings())
+FILES = {
+    "titles": MARKED + PLAIN,
+    "line of units": lines(["MD", *ACROSS], readings(9.80665e-3, 1e-9, 0.3048)).replace(
+        "\n", "\nft,mg,mg,mg,nT,nT,nT\n", 1
+    ),
+    "decimal comma": lines(METRIC, readings(), ";", lambda v: f"{v:.6f}".replace(".", ",")),
+    "thousands": lines(METRIC, readings(), ";", "{:,.5f}".format),
+    "spaces": lines(["  MD ", *ACROSS], readings(), " ", "{:>13.5f}".format),
+    "micro sign": lines(units("m", "g", "\u00b5T"), readings(field=1e-6)),
+    "greek letter": lines(units("m", "g", "\u03bcT"), readings(field=1e-6)),
+    "gauss": lines(units("m", "g", "G"), readings(field=1e-4)),
+    "feet": lines(units("ftKB", "ft/s2", "nT"), readings(0.3048, depth=0.3048)),
+    "seconds squared": lines(units("m", "m/sec\u00b2", "nT"), readings(1.0)),
+    "order of words": lines(
+        units("m", "g", "nT", [f"{c} {w}" for w in ("Gravity", "Magnetic") for c in "XYZ"]), readings()
+    ),
+    "other names of the depth": PLAIN.replace("MD (m)", "Meas. Depth (m)"),
+    "depth of the bit beside": lines(["Bit Depth (m)", *METRIC], [[row[0] + 15.0, *row] for row in readings()]),
+    "depth of the hole beside": lines(["Hole Depth (m)", *METRIC], [[row[0] + 15.0, *row] for row in readings()]),
+    "units in the cells": PLAIN.replace("500.000000,", "500.0 m,"),
+    "notes and totals": PLAIN.replace("590.0", "Bit trip,,,,,,\n590.0") + "Total,6,stations\n",
+    "header again": PLAIN.replace("590.0", f"{','.join(METRIC)}\n590.0"),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_the_same_readings_in_any_file_are_the_same_stations(tmp_path, name, encoding):
+    path = tmp_path / "readings.txt"
+    path.write_bytes(FILES[name].encode(encoding))
+    assert_same(path)
+
+
+def test_a_spreadsheet_with_titles_is_a_table_of_readings(tmp_path):
+    book = openpyxl.Workbook()
+    for row in (["Raw surveys"], [], METRIC, *readings()):
+        book.active.append(row)
+    book.save(tmp_path / "readings.xlsx")
+    assert_same(tmp_path / "readings.xlsx")
+
+
+def assert_same(path):
+    table, _ = read_readings(path, "z")
+    rows = table_rows(table, axial="z")
+    np.testing.assert_allclose([row.md for row in rows], DEPTHS, atol=0.01)
+    np.testing.assert_allclose([row.f_t for row in rows], -G_T, atol=2e-3)
+    np.testing.assert_allclose([row.b_t for row in rows], B_T, atol=2e-9)
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        ["Date,Time", *(f"{day}/03/2026,06:30" for day in range(10, 16))],
+        ["DateTime", *(f"{day}.03.2026 06:30:00" for day in range(10, 16))],
+        ["Survey Time", *(f"{day}-Mar-26 06:30" for day in range(10, 16))],
+    ],
+)
+def test_dates_of_any_kind_are_times_of_the_rows(tmp_path, cells):
+    path = tmp_path / "readings.csv"
+    path.write_text("\n".join(f"{a},{b}" for a, b in zip(cells, PLAIN.splitlines(), strict=True)))
+    rows = table_rows(read_readings(path, "z")[0], axial="z")
+    assert [row.time for row in rows] == [f"2026-03-{day}T06:30:00+00:00" for day in range(10, 16)]
+
+
+def test_a_declination_to_the_west_is_negative_and_a_mistyped_one_is_refused():
+    west = plain_table(b_ref_nT=[49649.0] * 3, **{"Reference Dip": ["71.2"] * 3, "Magnetic Declination": ["2.2 W"] * 3})
+    assert stations(west)[0].station.reference.declination == pytest.approx(-2.2 * DEG)
+    with pytest.raises(ValueError, match="'2;1' is not a number"):
+        stations(west | {"Magnetic Declination": ["2;1"] * 3})
+
+
+def test_a_depth_without_a_unit_is_named():
+    assert find_columns(plain_table(MD=[1.0, 2.0, 3.0])).assumed == ("MD: taken as m",)

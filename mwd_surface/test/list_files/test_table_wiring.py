@@ -89,6 +89,14 @@ def test_without_angles_a_wiring_of_one_sensor_is_named_by_the_dips(q):
     assert faults(g @ WAYS[q].T, b, {}) == {ReasonCode.WIRING}
 
 
+def test_without_angles_the_other_sign_of_gravity_is_named_before_a_slip_of_the_reference():
+    g, b, _ = run(11)
+    for row in single_stations(table_rows(columns(-g, b, {}))):
+        assert row.station.headline.code is ReasonCode.WIRING
+    wrong_reference = columns(g, b, {}) | {"dip_ref_deg": [-DIP / DEG] * len(g)}
+    assert not any(row.faults for row in table_rows(wrong_reference))
+
+
 @settings(max_examples=settings().max_examples // 2, deadline=None)
 @given(
     seed=st.integers(0, 10_000),

@@ -162,6 +162,11 @@ FORMS = {
     ),
     "date and clock as numbers": table("DATE,TIME,SPPA (Pa)", numeric_clock),
     "offset from UTC": table("Time,SPP (Pa)", end_of_summer_time),
+    "names that are formats of date and clock": table(
+        "YYYY/MM/DD,HH:MM:SS,Hole Depth (m),SPP (Pa)",
+        lambda k, _t, p: f"{MOMENTS[k]:%Y/%m/%d},{clock(MOMENTS[k])},9,{p}",
+    ),
+    "average beside the pressure": table("Seconds,SPP Avg (Pa),SPP (Pa)", lambda _k, t, p: f"{t},20000000.0,{p}"),
     "units in the cells": table("Time,SPP", lambda k, t, _p: f"{t} s,{PRESSURE[k] / 1e5:.6f} bar"),
     "other pressures before the standpipe": table(
         "time_s,Diff Press (Pa),Pump Pressure (Pa),Stand Pipe Pressure (Pa),Hook load",
@@ -181,6 +186,8 @@ FORMS = {
             ("time_s,SPP (psia)", 6894.757293168),
             ("time_s,SPP (kgf/cm2)", 98_066.5),
             ("time_s,SPP (hPa)", 100.0),
+            ("time_s,SPP (kPag)", 1e3),
+            ("time_s,SPP (MPa a)", 1e6),
             ("ETIM.S,SPPA.KPA", 1e3),
             ("Test time (s),Stand pipe (kPa)", 1e3),
         )
@@ -201,6 +208,16 @@ FORMS = {
 @pytest.mark.parametrize("form", FORMS)
 def test_the_same_pressure_in_any_form_is_the_same_samples(read, form):
     assert_same(read(FORMS[form]))
+
+
+def test_a_date_alone_may_hold_the_time_of_day_as_a_fraction(read):
+    days = table("Date;SPP (Pa)", lambda _k, t, p: f"{46_082 + float(t) / 86_400:.11f};{p}".replace(".", ","))
+    assert_same(read(days), 1e-5)
+
+
+def test_a_column_without_times_and_with_its_unit_in_brackets_is_read(read):
+    found = read(["SPP (Pa)", *(p for _, p in TEXTS)], columns="rate_hz=50")
+    assert_same(found)
 
 
 def test_of_several_pressures_the_second_gauge_is_the_next_best(read):

@@ -15,7 +15,7 @@ from mwd_surface.exports.export_las import las
 from mwd_surface.exports.export_witsml import witsml
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.list_files.list_file import list_of, read_list
+from mwd_surface.list_files.list_file import is_list, list_of, read_list
 from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.imported_list import reference_in, survey_list
 from mwd_surface.surveys.leg import Origin, TieOn
@@ -53,6 +53,23 @@ def test_the_path_starts_at_the_first_station_the_wellhead_or_where_the_caller_s
     assert tied.definitive().md.tolist() == [550.0, 600.0]
     with pytest.raises(ValueError, match="no station lies below the tie-on at 900 m"):
         survey_list(bare, tie_on=TieOn(900.0))
+
+
+@pytest.mark.parametrize("text", ['{"kind": "work-product-component--WellboreTrajectory:1.1.0"}', '[{"md_m": 0.0}]'])
+def test_json_of_another_program_is_refused_with_what_to_export(tmp_path, text):
+    path = tmp_path / "trajectory.json"
+    path.write_text(text)
+    assert not is_list(path)
+    with pytest.raises(ValueError, match=r"trajectory.json: not a survey list; .* export other lists as CSV"):
+        surveys_of(path)
+
+
+def test_an_inclined_station_without_azimuth_is_not_used_for_this_reason_also_on_demand():
+    stations = list_of(b"md_m,inc,azi_true\n0,0,\n100,5,0\n200,9,\n300,9,0\n")
+    for every in (False, True):
+        surveys = survey_list(stations, every=every)
+        assert surveys.definitive().md.tolist() == [0.0, 100.0, 300.0]
+        assert "1 of 3 stations are not used, because they are inclined" in surveys.remarks[-1].text
 
 
 def test_stations_whose_verdict_is_not_accept_are_listed_and_used_only_on_demand():

@@ -108,6 +108,8 @@ def test_what_has_no_model_is_reported():
         position_covariance(*stations, North.UNKNOWN, MODEL, REFERENCE)
     with pytest.raises(ValueError, match="totals must be positive"):
         position_covariance(*stations, North.TRUE, MODEL, dataclasses.replace(REFERENCE, b_total=math.nan))
+    with pytest.raises(ValueError, match="grid north need the convergence"):
+        position_covariance(*stations, North.GRID, MODEL, dataclasses.replace(REFERENCE, convergence=math.nan))
     with pytest.raises(ValueError, match="expected a finite 2 x 2 matrix"):
         ellipse(np.eye(3))
 
