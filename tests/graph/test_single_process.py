@@ -6,6 +6,7 @@ import pytest
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs import launch_plan
+from mwd_surface.surveys.survey_store import decoded
 from running_graph import graph
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow(8)]
@@ -18,10 +19,11 @@ schedule:
   - {kind: drill, seconds: 5.0, rpm: 120.0, rop_m_h: 20.0}
   - {kind: still, seconds: 16.0, pumps: false}
   - {kind: drill, seconds: 5.0, rpm: 120.0, rop_m_h: 20.0}
+  - {kind: still, seconds: 14.0, pumps: false}
 """
 
 
-def test_three_nodes_in_one_process_record_a_survey_and_end_together(tmp_path):
+def test_three_nodes_in_one_process_record_their_surveys_to_the_last_and_end_together(tmp_path):
     story = tmp_path / "story.yaml"
     story.write_text(STORY)
     parameters = {
@@ -39,5 +41,8 @@ def test_three_nodes_in_one_process_record_a_survey_and_end_together(tmp_path):
     (recording,) = (tmp_path / "data").rglob("*.mcap")
     with Bag(recording) as bag:
         counts = {name: topic.count for name, topic in bag.topics.items()}
-    assert counts["/w1/survey"] >= 1
+    # The survey of the last rest is taken when the estimator ends.
+    assert counts["/w1/survey"] == 2
+    (listed,) = (tmp_path / "data").rglob("surveys.json")
+    assert len(decoded(listed.read_bytes()).records) == 2
     assert counts["/w1/attitude"] == counts["/w1/imu/data_raw"] > 1000

@@ -25,6 +25,8 @@ from mwd_sensors.ros.stop_signals import StopSignals, end_within, ignore, leave_
 RCLError = rclpy_implementation.RCLError
 # Longest wait of the executor, s. The events executor treats "no limit" as a deadline in the past.
 _LONGEST_SPIN = 1e6
+# Time in which the other nodes of the process receive what a node sent at its end, s.
+_LAST_MESSAGES = 0.5
 
 
 def run_node(make_node: Callable[[], GraphNode[Any]], args: Sequence[str] | None = None) -> int:
@@ -35,6 +37,8 @@ def run_node(make_node: Callable[[], GraphNode[Any]], args: Sequence[str] | None
 def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence[str] | None = None) -> int:
     """
     Run nodes in this process, one callback at a time, until one of them is stopped; shut them down in reverse order.
+
+    Each node still receives what the nodes after it sent at their end, such as the survey of the last rest.
 
     Discovery is limited to this machine unless ROS_AUTOMATIC_DISCOVERY_RANGE is set. Files that the process creates are
     not readable by other users.
@@ -105,4 +109,6 @@ def _spin(make_nodes: Sequence[Callable[[], GraphNode[Any]]]) -> int:
                 node.trigger_shutdown()
             executor.remove_node(node)
             node.destroy_node()
+            if node is not nodes[0] and rclpy.ok():
+                executor.spin_until_future_complete(Future(), _LAST_MESSAGES)
     return 0
