@@ -180,7 +180,7 @@ def graph(folder: Path) -> Iterator[Graph]:
 
 
 def until(true: Callable[[], Any], within: float, what: str, every: float = 0.05) -> Any:
-    """Wait for something to become true, with a look every so many seconds; fail with what it was."""
+    """Evaluate a condition every so many seconds until it is true; after a time-out, fail with its description."""
     end = time.monotonic() + PATIENCE * within
     while time.monotonic() < end:
         value = true()

@@ -49,7 +49,7 @@ def azimuth(known: GyroErrors, found: Sought, heading: float) -> tuple[float, fl
 
 
 def half_an_hour_later(known: GyroErrors, found: Sought) -> GyroErrors:
-    """What is known half an hour after a station."""
+    """Return the knowledge of the gyro's errors half an hour after a station."""
     joined = gyro_errors.joined(known, found).at(DOWN)
     later = gyro_errors.between_stations(gyro_errors.learnt(known, joined, HORIZONTAL), PARAMS)
     return gyro_errors.after(later, PARAMS, 1800.0)

@@ -25,7 +25,7 @@ from mwd_sensors.ros.stop_signals import StopSignals, end_within, ignore, leave_
 RCLError = rclpy_implementation.RCLError
 # Longest wait of the executor, s. The events executor treats "no limit" as a deadline in the past.
 _LONGEST_SPIN = 1e6
-# Time in which the other nodes of the process receive what a node sent at its end, s.
+# Time after the shutdown of each node in which the others receive its last messages, s.
 _LAST_MESSAGES = 0.5
 
 
@@ -38,7 +38,8 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
     """
     Run nodes in this process, one callback at a time, until one of them is stopped; shut them down in reverse order.
 
-    Each node still receives what the nodes after it sent at their end, such as the survey of the last rest.
+    A node still runs while those later in `make_nodes` shut down, so it receives their last messages, such as the
+    survey that an estimator takes when it is stopped at rest.
 
     Discovery is limited to this machine unless ROS_AUTOMATIC_DISCOVERY_RANGE is set. Files that the process creates are
     not readable by other users.

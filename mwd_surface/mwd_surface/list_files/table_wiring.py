@@ -196,8 +196,8 @@ def _wirings(
     off = _directions_off(f, b, printed_inclination, printed)
     reversed_dips = known.any() and fits[_REVERSED, _AS_IT_IS] >= _MOST and fits[_AS_IT_IS, _AS_IT_IS] <= _FEW
     if off is None and reversed_dips and (inclination(f[_AS_IT_IS]) > _UPWARDS).all():
-        # Readings with the sign of the specific force under the names of gravity, or the reverse: the hole seems to
-        # go up everywhere. A dip of the wrong sign in the reference has the same dips, but it turns no hole over.
+        # Specific force under the names of gravity, or the reverse: the hole seems to go up everywhere. A reference
+        # dip of the wrong sign gives the same difference of the dips, but leaves the hole pointing down.
         return [(_REVERSED, _AS_IT_IS)], True
     if off is not None and off[_AS_IT_IS, _AS_IT_IS] > _DIRECTION_OFF:
         # Compare with the angles in the table. Among the wirings that fit these angles, keep those with the best dips.

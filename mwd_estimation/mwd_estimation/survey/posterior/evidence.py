@@ -33,8 +33,8 @@ _SHARP = 6.0
 _NOTHING = 37.0
 # Variance so large that an observation with it has no influence, in the squared unit of the observation.
 OUT = 1e8
-# Number of angles that suffice for a density smeared by `TURNED`; and the smearing kernel from every step of the circle
-# to each of these angles, shape (circle.STEPS, _FEW).
+# A density that is smoothed with a sigma of `TURNED` is known well enough at this number of angles. `_SMEAR`, shape
+# (circle.STEPS, _FEW): weights of the smoothing from every step of the circle to these angles.
 _FEW = 72
 _ONE = np.exp(-0.5 * (wrap_pi(np.arange(circle.STEPS) * math.tau / circle.STEPS) / TURNED) ** 2)
 _SMEAR = np.stack([np.roll(_ONE, k * circle.STEPS // _FEW) for k in range(_FEW)], -1) / (TURNED * math.sqrt(math.tau))

@@ -51,8 +51,9 @@ _IMPOSSIBLE = -50.0
 _NEVER = math.log(1e-300)
 # Probability above which a state of the gyro counts as the state at a station. Later stations use these counts.
 _DECIDED = 0.9
-# Variances after the later stations, as shares of the prior ones, are clipped to these limits; where all filters exceed
-# the upper one, an axis is no observation.
+# Limits of the ratio of two variances: with the stations after this one, and without any station. Where the ratio
+# exceeds the upper limit in every filter, these stations say nothing about that axis, and it is not used as an
+# observation.
 _KNOWN, _UNKNOWN = 1e-9, 0.99
 # Indices of the errors that the string causes; they get new values when the string is changed.
 _STRING = [*range(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3), Shared.FIELD_RATE]
