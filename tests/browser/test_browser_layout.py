@@ -150,8 +150,6 @@ def test_axe_finds_nothing_to_object_to_on_any_tab(browser, theme, size):
 
 def test_the_browser_has_nothing_to_complain_about(browser):
     with rig_on(browser) as rig:
-        browser.get_log("browser")
-        show(browser, rig)
         rig.live()
         wait(browser, lambda: text(browser, ".dial-number") == "127°")
         for name in ("path", "charts", "steering", "alarms", "system", "controls", "surveys"):
