@@ -19,6 +19,8 @@ _HELD, _SIGMAS = 0.99, 2.576
 _LEAST = 0.003
 # Smallest 1 sigma of an additional error, rad, so that the division by it is defined.
 _EXACT = 1e-9
+# A density below this share of the highest is rounding error of the Fourier transform in `blurred`.
+_ROUNDED = 1e-13
 # The circle has 7200 steps of 0.05 deg. The coarse grid uses every 40th step. The fine grid adds, around each peak of
 # the coarse grid, all steps within 2.5 deg and every fifth step within 12 deg.
 STEPS, _EVERY = 7200, 40
@@ -84,6 +86,20 @@ def places(angles: Array) -> Indices:
 def widths(angles: Array) -> Array:
     """Return the width of the interval around each of the ordered angles, rad."""
     return np.asarray(0.5 * ((np.roll(angles, -1) - np.roll(angles, 1)) % math.tau))
+
+
+def blurred(angles: Array, density: Array, sigma: Array) -> Array:
+    """
+    Return densities of an angle after an independent normal error is added to it.
+
+    angles: as from `refined`, rad, shape (n,); density: per rad, shape (k, n); sigma: of the error, rad, shape (k,).
+    The convolution is a product of Fourier coefficients (Mardia and Jupp, Directional Statistics, section 3.5.7).
+    """
+    steps, order = np.arange(STEPS) * (math.tau / STEPS), np.arange(STEPS // 2 + 1)
+    fine = np.stack([np.interp(steps, angles, one, period=math.tau) for one in density])
+    kept = np.exp(-0.5 * (order * sigma[:, None]) ** 2)
+    found = np.fft.irfft(np.fft.rfft(fine) * kept, STEPS)[:, places(angles)]
+    return np.where(found > _ROUNDED * found.max(axis=1, keepdims=True), found, 0.0)
 
 
 def read(angles: Array, density: Array) -> Circle:

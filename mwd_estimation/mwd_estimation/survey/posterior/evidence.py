@@ -52,10 +52,12 @@ class CircleEvidence:
     filters: Indices  #: shape (m,); indices of the filters in use among all
     count: int  #: number of all filters, k
     misfit: float = 0.0  #: smallest chi-square of the field under the widest hypothesis
+    #: shape (m,), or None; 1 sigma of the declination in each filter in use, rad, if `log` is by magnetic azimuth
+    declination: Array | None = None
 
     @functools.cached_property
     def _probable(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Compute the properties `share`, `by_angle`, `by_kind`, `with_gyro` and `highest` in one pass."""
+        """Compute probabilities of points, angles, kinds, filters with a right gyro, and the highest, in one pass."""
         n, m, h, _ = self.log.shape
         share, found = np.empty_like(self.log), (np.zeros((n, 3)), np.zeros((m, h)), np.zeros((n, m)), np.zeros(m))
         _probabilities(self.log, circle.widths(self.angles), share, *found)
@@ -68,10 +70,19 @@ class CircleEvidence:
         """Probability of each point, shape of `log`."""
         return self._probable[0]
 
-    @property
+    @functools.cached_property
     def by_angle(self) -> Array:
-        """Probability of each angle and state of the gyro, shape (n, 3); without a gyro, only "wrong" is not zero."""
-        return self._probable[1]
+        """Probability of each azimuth and state of the gyro, shape (n, 3); without a gyro, only "wrong" is not zero."""
+        found = self._probable[1]
+        if self.declination is not None:
+            by_filter = self.share.sum(axis=(2, 3))
+            sigmas, group = np.unique(np.round(self.declination, 6), return_inverse=True)
+            of_group = by_filter @ (group[:, None] == np.arange(len(sigmas)))
+            width = circle.widths(self.angles)
+            mass = circle.blurred(self.angles, of_group.T / width, sigmas) * width
+            mass *= of_group.sum(axis=0)[:, None] / mass.sum(axis=1, keepdims=True)
+            found = np.column_stack([np.zeros((len(self.angles), 2)), mass.sum(axis=0)])
+        return found
 
     @property
     def by_kind(self) -> Array:

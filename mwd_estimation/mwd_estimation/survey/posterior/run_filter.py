@@ -32,7 +32,7 @@ from mwd_estimation.survey.posterior.evidence import (
 )
 from mwd_estimation.survey.posterior.field_model import SIZE, Row, Shared, Sigmas
 from mwd_estimation.survey.posterior.hypotheses import EXTERNAL_UT, Hypothesis, Priors
-from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.arrays import Array, Indices
 
 # A filter always keeps at least this share of its prior probability, so that later stations can make it probable again.
 _FLOOR = 1e-3
@@ -300,7 +300,7 @@ class RunFilter:
         """
         state = self._branched(self.state if state is None else state)
         at = np.flatnonzero(state.log_weight > state.log_weight.max() + _IMPOSSIBLE)
-        terms, prior = self._terms(one, state.mean[at], state.covariance[at]), self._log_prior(state)[at]
+        terms, prior = self._terms(one, state, at), self._log_prior(state)[at]
         angles = circle.coarse()
         first = CircleEvidence(angles, self._logs(one, terms, state, angles, prior)[0], np.arange(len(at)), len(at))
         density = np.log(first.by_angle.sum(axis=1) + 1e-300)
@@ -311,7 +311,25 @@ class RunFilter:
         log, misfit = self._logs(one, (r, S, M), state, angles, prior)
         self._add_turned(one, (r, S), state, angles, prior, log)
         least = float(misfit.min()) if one["has_field"] else 0.0
-        return Predicted(angles, log, at[used], len(state.mean), least, branched=state, terms=(r, S, M))
+        turn = self._declination(state.covariance[at[used]]) if self._by_magnetic_azimuth(one, state) else None
+        return Predicted(angles, log, at[used], len(state.mean), least, turn, branched=state, terms=(r, S, M))
+
+    @staticmethod
+    def _by_magnetic_azimuth(one: Row, state: RunState) -> bool:
+        """
+        Return whether neither this station nor the run so far has a gyro azimuth.
+
+        The field then depends on the magnetic azimuth only: no station says anything about the declination, and its
+        error is added to the azimuth that is found (`CircleEvidence.declination`). As an error of the field it would
+        be replaced by a tangent. A large declination turns the field along a circle that leaves its tangent, and
+        readings would seem to contradict it.
+        """
+        return not math.isfinite(one["gyro"]) and not state.covariance[:, Shared.DECLINATION, Shared.GYRO].any()
+
+    def _declination(self, covariance: Array) -> Array:
+        """Return 1 sigma of the declination at one station in filters, rad, shape (k,); covariance (k, 23, 23)."""
+        at = Shared.DECLINATION
+        return np.asarray(self.sigma[at] * np.sqrt(covariance[:, at, at] + self._own[-1] ** 2))
 
     def by_gyro_state(self, evidence: CircleEvidence) -> Array:
         """
@@ -349,13 +367,6 @@ class RunFilter:
         mean[at] += (M @ moved[..., None])[..., 0]
         change = M @ spread @ np.swapaxes(M, 2, 3)
         covariance[at] += 0.5 * (change + np.swapaxes(change, 2, 3))
-        if not has_gyro and not branched.covariance[:, Shared.DECLINATION, Shared.GYRO].any():
-            # No gyro azimuth has been used yet. Magnetometer readings depend on the magnetic azimuth only, so even many
-            # stations contain no information on the declination. A linear filter would still reduce the sigma of the
-            # declination, because it replaces a circle by tangents; so keep the declination as it was.
-            mean[..., Shared.DECLINATION] = branched.mean[:, None, Shared.DECLINATION]
-            covariance[..., Shared.DECLINATION] = branched.covariance[:, None, :, Shared.DECLINATION]
-            covariance[:, :, Shared.DECLINATION] = branched.covariance[:, None, Shared.DECLINATION]
         split = np.eye(1, parts).repeat(len(of_branch), 0)
         updated = weight.sum(axis=1)
         split[at[updated > 0.0]] = (weight / np.maximum(updated, 1e-300)[:, None])[updated > 0.0]
@@ -470,13 +481,16 @@ class RunFilter:
         slope = np.tensordot(np.array([0.0, -math.sin(angle), math.cos(angle)]), residual, axes=1)[:3]
         return min(1.0 / math.sqrt(float(slope @ np.linalg.solve(S, slope))), math.pi)
 
-    def _terms(self, one: Row, mean: Array, covariance: Array) -> tuple[Array, Array, Array]:
+    def _terms(self, one: Row, state: RunState, at: Indices) -> tuple[Array, Array, Array]:
         """
         Return residual (k, 3, 4), its covariance (k, 3, 3, 4, 4) and P H' (k, 23, 12) as factors of the basis.
 
-        mean (k, 23), covariance (k, 23, 23): the shared errors in each filter.
+        at: indices of the k filters.
         """
+        mean, covariance = state.mean[at], state.covariance[at]
         residual, slopes, turns = field_model.expansion(one, self.sigma)
+        if self._by_magnetic_azimuth(one, state):
+            slopes[:, :, Shared.DECLINATION] = 0.0
         H, by_force = slopes.reshape(12, SIZE), turns.reshape(12, 3)
         M, own = covariance @ H.T, H[:, _REFERENCE] * self._own
         S = H @ M + own @ own.T + by_force @ one["force_noise"] @ by_force.T
