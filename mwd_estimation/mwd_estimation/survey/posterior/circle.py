@@ -78,6 +78,11 @@ def refined(log_density: Array, *centres: float) -> Array:
     return np.asarray(np.flatnonzero(chosen) * (math.tau / STEPS))
 
 
+def is_coarse(angles: Array) -> np.ndarray:
+    """Return which of the angles from `refined` belong to the coarse grid, bool."""
+    return np.asarray(places(angles) % _EVERY == 0)
+
+
 def places(angles: Array) -> Indices:
     """Return the steps of the circle, 0 to `STEPS`, of angles that come from `coarse` or `refined`."""
     return np.rint(angles * (STEPS / math.tau)).astype(np.intp)
@@ -90,16 +95,21 @@ def widths(angles: Array) -> Array:
 
 def blurred(angles: Array, density: Array, sigma: Array) -> Array:
     """
-    Return densities of an angle after an independent normal error is added to it.
+    Return the density of an angle after an independent normal error is added to it, shape (n,), per rad.
 
-    angles: as from `refined`, rad, shape (n,); density: per rad, shape (k, n); sigma: of the error, rad, shape (k,).
+    The density before is a sum of k parts, each with an error of its own. angles: as from `refined`, rad, shape (n,);
+    density: of each part, per rad, shape (k, n); sigma: of each error, rad, shape (k,).
     The convolution is a product of Fourier coefficients (Mardia and Jupp, Directional Statistics, section 3.5.7).
     """
-    steps, order = np.arange(STEPS) * (math.tau / STEPS), np.arange(STEPS // 2 + 1)
-    fine = np.stack([np.interp(steps, angles, one, period=math.tau) for one in density])
-    kept = np.exp(-0.5 * (order * sigma[:, None]) ** 2)
-    found = np.fft.irfft(np.fft.rfft(fine) * kept, STEPS)[:, places(angles)]
-    return np.where(found > _ROUNDED * found.max(axis=1, keepdims=True), found, 0.0)
+    at = places(angles)
+    steps = np.arange(STEPS)
+    after = np.searchsorted(at, steps, side="right") % len(at)
+    start, end = at[after - 1], at[after]
+    way = (steps - start) % STEPS / ((end - start) % STEPS)
+    fine = (1.0 - way) * density[:, after - 1] + way * density[:, after]
+    kept = np.exp(-0.5 * (np.arange(STEPS // 2 + 1) * sigma[:, None]) ** 2)
+    found = np.fft.irfft((np.fft.rfft(fine) * kept).sum(axis=0), STEPS)[at]
+    return np.where(found > _ROUNDED * found.max(), found, 0.0)
 
 
 def read(angles: Array, density: Array) -> Circle:
@@ -147,7 +157,10 @@ def _moments(angles: Array, mass: Array, peak: float) -> tuple[float, float, flo
     mean = float(mass @ away) / share
     off = np.abs(away - mean)
     order = np.argsort(off)
-    held = order[: int(np.searchsorted(np.cumsum(mass[order]), _HELD * share)) + 1]
+    # An angle stands for the interval about it, of which a half lies farther from the mean.
+    reached = np.cumsum(mass[order]) - 0.5 * mass[order]
+    limit = float(np.interp(_HELD * share, reached, off[order]))
+    held = off <= limit
     within = math.sqrt(float(mass[held] @ off[held] ** 2) / float(mass[held].sum()))
-    sigma = max(within, float(off[held[-1]]) / _SIGMAS)
+    sigma = max(within, limit / _SIGMAS)
     return share, float(wrap_tau(peak + mean)), sigma, max(sigma, math.sqrt(float(mass @ off**2) / share))
