@@ -25,9 +25,11 @@ def dip(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     f_t, b_t, shape (..., 3): specific force, m/s^2, and field, T, in the same axes. Returns shape (...), rad in
     [-pi/2, pi/2].
     """
-    f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))
-    across = np.linalg.norm(np.cross(f_t, b_t), axis=-1)
-    return np.asarray(np.arctan2(-np.sum(f_t * b_t, axis=-1), across))
+    f_t, b_t = np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float)
+    f_x, f_y, f_z = f_t[..., 0], f_t[..., 1], f_t[..., 2]
+    b_x, b_y, b_z = b_t[..., 0], b_t[..., 1], b_t[..., 2]
+    across = np.sqrt((f_y * b_z - f_z * b_y) ** 2 + (f_z * b_x - f_x * b_z) ** 2 + (f_x * b_y - f_y * b_x) ** 2)
+    return np.asarray(np.arctan2(-(f_x * b_x + f_y * b_y + f_z * b_z), across))
 
 
 def raw_azimuth(f_t: ArrayLike, b_t: ArrayLike) -> Array:

@@ -184,15 +184,15 @@ def _peaks(stations: _FitStations) -> _Peaks:
     """Return the two deepest minima of the misfit of each station, from a search over the whole circle."""
     angles = np.linspace(0.0, 2.0 * np.pi, _GRID, endpoint=False)
     around = np.broadcast_to(angles, (len(stations.h), _GRID))
-    misfit = stations.misfit(around)[0]
-    cost = stations.cost(around)
+    found = stations.misfit(around)
+    misfit, cost = found[0], stations.cost(*found)
     # Find minima of the misfit without the prior of the interference, because the prior would shift the minima.
     basin = (misfit <= np.roll(misfit, 1, axis=1)) & (misfit < np.roll(misfit, -1, axis=1))
     ranked = np.argsort(np.where(basin, misfit, np.inf), axis=1)[:, :2]
     two = np.take_along_axis(basin, ranked, axis=1)[:, 1]
     candidates = stations.polish(angles[ranked])
     first, second = candidates[:, 0], candidates[:, 1]
-    costs = stations.cost(candidates)
+    costs = stations.cost(*stations.misfit(candidates))
     cost_1, cost_2 = costs[:, 0], np.where(two, costs[:, 1], np.inf)
     azimuth, other = np.where(cost_2 < cost_1, (second, first), (first, second))
     with np.errstate(over="ignore"):
@@ -322,9 +322,12 @@ class _FitStations:
         covariance = np.linalg.inv(information) * scale[:, :, None] * scale[:, None, :]
         return _AxialFit(covariance[:, 0, 0], covariance[:, 1, 1], self.h**2 / information[:, 1, 1])
 
-    def cost(self, azimuth: Array) -> Array:
-        """Return minus twice the log probability of azimuths, shape (n, m), including the prior of the interference."""
-        misfit, log, interference = self.misfit(azimuth)
+    def cost(self, misfit: Array, log: Array, interference: Array) -> Array:
+        """
+        Return minus twice the log probability of azimuths, including the prior of the interference.
+
+        Inputs as from `misfit`; shape (n, m).
+        """
         square = interference**2 * self.information_plausible
         density = (1.0 + square / _FREEDOM) ** (-0.5 * (_FREEDOM + 1.0)) + _TAIL / (1.0 + square)
         return np.asarray(misfit + log - 2.0 * np.log(density))

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
@@ -33,6 +32,8 @@ _FORCE_NOISE = 0.002
 # Random variation of the Earth's field between stations, 1 sigma (MFIR, MDIR): strength, T, and dip, rad.
 _FIELD_VARIATION = 60e-9
 _DIP_VARIATION = math.radians(0.08)
+# The search for the most probable errors ends at a step below this size, prior sigmas, or after this number of steps.
+_CONVERGED, _MOST_STEPS = 1e-7, 50
 
 
 class StationsProblem:
@@ -133,9 +134,24 @@ class StationsProblem:
         return slope
 
     def solve(self, used: np.ndarray) -> Array:
-        """Return the most probable errors (in prior sigmas) from the used stations and the priors, shape (15,)."""
-        found = least_squares(self.residual, np.zeros(15), self.slope, args=(used,), method="lm")
-        return np.asarray(found.x, dtype=float)
+        """
+        Return the most probable errors (in prior sigmas) from the used stations and the priors, shape (15,).
+
+        Gauss-Newton steps from zero; each is halved until it lowers the sum of squares (Nocedal and Wright, Numerical
+        Optimization, section 10.3).
+        """
+        x, residual = np.zeros(15), self.residual(np.zeros(15), used)
+        for _ in range(_MOST_STEPS):
+            step = np.linalg.lstsq(self.slope(x, used), -residual)[0]
+            while np.abs(step).max() > _CONVERGED:
+                tried = self.residual(x + step, used)
+                if tried @ tried < residual @ residual:
+                    break
+                step *= 0.5
+            else:
+                break
+            x, residual = x + step, tried
+        return x
 
     def residual(self, x: Array, used: np.ndarray) -> Array:
         """Return the whitened residuals of the n stations in use and of the priors, shape (3 n + 15,)."""

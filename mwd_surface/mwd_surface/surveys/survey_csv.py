@@ -9,6 +9,7 @@ cell. Text is always in quotes, on one line, and never interpreted as a formula 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -23,7 +24,7 @@ from mwd_surface.signals.cells import fixed, quoted, utc
 from mwd_surface.signals.signal import AS_STORED, PLAN, POSITION, Display, Listed, Signal
 from mwd_surface.signals.table import SURVEY_TABLE
 from mwd_surface.surveys.azimuth_source import azimuth_source
-from mwd_surface.surveys.station_quality import totals
+from mwd_surface.surveys.station_quality import Total, totals
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.surveys.well_position import uncertain
@@ -152,17 +153,17 @@ class Line:
     @property
     def judged_field(self) -> float | None:
         """Total field that the verdict uses, T; None if it was not measured."""
-        return totals(self.survey)[1].value
+        return self._totals[1].value
 
     @property
     def judged_dip(self) -> float | None:
         """Dip that the verdict uses, rad; None if it was not measured."""
-        return totals(self.survey)[2].value
+        return self._totals[2].value
 
     @property
     def limits(self) -> Any:
         """Largest deviations of gravity, m/s^2, field, T, and dip, rad, that count as good; above them: doubtful."""
-        return _Limits(*(total.limit for total in totals(self.survey)))
+        return _Limits(*(total.limit for total in self._totals))
 
     @property
     def coordinates(self) -> str:
@@ -199,6 +200,10 @@ class Line:
     def judged(self) -> str:
         """Time at which a person decided, UTC; empty if nobody decided."""
         return utc(self.record.judged_ns)
+
+    @functools.cached_property
+    def _totals(self) -> tuple[Total, Total, Total]:
+        return totals(self.survey)
 
     @property
     def _others(self) -> list[tuple[float, float]]:

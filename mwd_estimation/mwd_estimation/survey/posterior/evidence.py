@@ -75,13 +75,13 @@ class CircleEvidence:
         """Probability of each azimuth and state of the gyro, shape (n, 3); without a gyro, only "wrong" is not zero."""
         found = self._probable[1]
         if self.declination is not None:
-            by_filter = self.share.sum(axis=(2, 3))
+            # A product is faster than a sum over short axes.
+            by_filter = self.share.reshape(*self.share.shape[:2], -1) @ np.ones(self.log[0, 0].size)
             sigmas, group = np.unique(np.round(self.declination, 6), return_inverse=True)
             of_group = by_filter @ (group[:, None] == np.arange(len(sigmas)))
             width = circle.widths(self.angles)
             mass = circle.blurred(self.angles, of_group.T / width, sigmas) * width
-            mass *= of_group.sum(axis=0)[:, None] / mass.sum(axis=1, keepdims=True)
-            found = np.column_stack([np.zeros((len(self.angles), 2)), mass.sum(axis=0)])
+            found = np.column_stack([np.zeros((len(self.angles), 2)), mass / mass.sum()])
         return found
 
     @property

@@ -237,6 +237,7 @@ _AT = np.arange(3.0) * math.tau / 3.0
 _TO_BASIS = np.linalg.inv(basis(_AT))
 
 
+@compiled
 def expansion(one: Row, sigma: Array) -> tuple[Array, Array, Array]:
     """
     Return residual, slopes and slopes by the force as factors of `basis`: shapes (3, 4), (3, 4, 23) and (3, 4, 3).
@@ -245,11 +246,13 @@ def expansion(one: Row, sigma: Array) -> tuple[Array, Array, Array]:
     `evidence.gyro_residual` computes it.
     """
     residual, slopes, turns = np.zeros((3, 4)), np.zeros((3, 4, SIZE)), np.zeros((3, 4, 3))
-    if one["has_field"]:
-        at = np.zeros((3, 3)), np.zeros((3, 3, SIZE)), np.zeros((3, 3, 3))
-        for k, angle in enumerate(_AT):
-            predicted(angle, one, sigma, at[0][k], at[1][k], at[2][k])
-        for whole, part in zip((residual, slopes, turns), at, strict=True):
-            whole[:, :3] = np.tensordot(_TO_BASIS, part, axes=1)
-    slopes[0, 3, Shared.GYRO] = one["gyro_lasting"]
+    if one.has_field:
+        at = np.zeros(3), np.zeros((3, SIZE)), np.zeros((3, 3))
+        for k in range(3):
+            predicted(_AT[k], one, sigma, at[0], at[1], at[2])
+            for m in range(3):
+                residual[m, :3] += _TO_BASIS[m, k] * at[0]
+                slopes[m, :3] += _TO_BASIS[m, k] * at[1]
+                turns[m, :3] += _TO_BASIS[m, k] * at[2]
+    slopes[0, 3, Shared.GYRO] = one.gyro_lasting
     return residual, slopes, turns

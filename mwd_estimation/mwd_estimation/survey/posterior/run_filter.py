@@ -302,13 +302,18 @@ class RunFilter:
         at = np.flatnonzero(state.log_weight > state.log_weight.max() + _IMPOSSIBLE)
         terms, prior = self._terms(one, state, at), self._log_prior(state)[at]
         angles = circle.coarse()
-        first = CircleEvidence(angles, self._logs(one, terms, state, angles, prior)[0], np.arange(len(at)), len(at))
+        coarse = self._logs(one, terms, state, angles, prior)
+        first = CircleEvidence(angles, coarse[0], np.arange(len(at)), len(at))
         density = np.log(first.by_angle.sum(axis=1) + 1e-300)
         # Filters of negligible probability are left out.
         used = np.flatnonzero(first.by_kind.sum(axis=1) >= _HOPELESS)
         r, S, M = (part[used] for part in terms)
         angles, prior = circle.refined(density, float(one["gyro"]), float(one["gyro_other"])), prior[used]
-        log, misfit = self._logs(one, (r, S, M), state, angles, prior)
+        log, misfit = (np.empty((len(angles), *whole[:, used].shape[1:])) for whole in coarse)
+        again = circle.is_coarse(angles)
+        fine = self._logs(one, (r, S, M), state, angles[~again], prior)
+        for whole, known, new in zip((log, misfit), coarse, fine, strict=True):
+            whole[again], whole[~again] = known[:, used], new
         self._add_turned(one, (r, S), state, angles, prior, log)
         least = float(misfit.min()) if one["has_field"] else 0.0
         turn = self._declination(state.covariance[at[used]]) if self._by_magnetic_azimuth(one, state) else None
