@@ -218,12 +218,14 @@ def _of_model(place: Place, first_ns: int) -> Reference:
 
 
 def _slips_of_figures(total: float, dip_deg: float) -> tuple[Slip, ...]:
-    """Return the fields that a user may have meant if the dip, `dip_deg`, was entered wrongly; total: strength, T."""
-    meant = {
-        f"a dip of {-dip_deg:g} deg instead of {dip_deg:g} deg": -dip_deg,
-        f"a dip of {90.0 - dip_deg:g} deg: {dip_deg:g} deg is its angle from the vertical": 90.0 - dip_deg,
-    }
-    return tuple(Slip(words, total, math.radians(dip)) for words, dip in meant.items() if abs(dip) <= 90.0)
+    """
+    Return the field that a user may have meant if `dip_deg` is its angle from the vertical; total: strength, T.
+
+    A dip of the wrong sign is not a slip: readings of sensors with flipped signs look the same (`DIP_SIGN`).
+    """
+    dip = 90.0 - dip_deg
+    words = f"a dip of {dip:g} deg: {dip_deg:g} deg is its angle from the vertical"
+    return (Slip(words, total, math.radians(dip)),) if dip <= 90.0 else ()
 
 
 def _slips_of_place(place: Place, first_ns: int) -> tuple[Slip, ...]:

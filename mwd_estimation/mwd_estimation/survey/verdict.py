@@ -290,7 +290,7 @@ def _finished(
     upright = station.sigma_toolface > _HIGH_SIDE
     quantities = Verdicts(level.verdict, azimuth.verdict, NOT_DETERMINED if upright else level.verdict)
     verdict = level.verdict if azimuth.verdict == NOT_DETERMINED else worse(level.verdict, azimuth.verdict)
-    causes = (Code.WIRING, Code.REFERENCE_SLIP, Code.FIELD_OF_ANOTHER_PLACE)
+    causes = (Code.WIRING, Code.REFERENCE_SLIP, Code.DIP_SIGN, Code.FIELD_OF_ANOTHER_PLACE)
     order = {code: place for place, code in enumerate(causes)}
     made = sorted(
         [*level.reasons, *azimuth.reasons],

@@ -11,10 +11,16 @@ from hypothesis import strategies as st
 from tool_streams import streams
 
 from mwd_estimation.core.reasons import ReasonCode
+from mwd_estimation.core.verdicts import ACCEPT
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import Place, reference_of
+from mwd_estimation.survey.measurement import measured
+from mwd_estimation.survey.revision import findings
+from mwd_estimation.survey.run_model import Taken
+from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.totals import reference_slip
+from mwd_estimation.survey.verdict import judged
 from mwd_sensors.core.frames import mat_nt
 from mwd_sensors.core.settings import SettingsError, changed
 
@@ -68,15 +74,30 @@ def test_a_sound_reference_is_not_doubted(lat, lon, attitude, seed):
     assert reference_slip(f_t, b_t, reference, COVARIANCE) is None
 
 
-@given(total=st.floats(25_000.0, 65_000.0), dip=st.floats(5.0, 85.0) | st.floats(-85.0, -5.0), attitude=angles)
-def test_a_dip_with_the_wrong_sign_or_from_the_vertical_is_named(total, dip, attitude):
+@given(total=st.floats(25_000.0, 65_000.0), dip=st.floats(5.0, 85.0), attitude=angles)
+def test_a_dip_from_the_vertical_is_named(total, dip, attitude):
+    assume(abs(90.0 - 2.0 * dip) > 3.0)
     meant = reference_of(Place(field="fixed", total_nt=total, dip_deg=dip), DAY_NS)
-    for given_deg in (-dip, 90.0 - dip if dip > 0.0 else -dip):
-        assume(abs(given_deg - dip) > 3.0)
-        wrong = reference_of(Place(field="fixed", total_nt=total, dip_deg=given_deg), DAY_NS)
-        found = reference_slip(*readings(meant, attitude), wrong, COVARIANCE)
-        assert found is not None
-        assert found.dip == pytest.approx(meant.dip, abs=1e-9)
+    wrong = reference_of(Place(field="fixed", total_nt=total, dip_deg=90.0 - dip), DAY_NS)
+    found = reference_slip(*readings(meant, attitude), wrong, COVARIANCE)
+    assert found is not None
+    assert found.dip == pytest.approx(meant.dip, abs=1e-9)
+
+
+@pytest.mark.parametrize("flipped", ["reference", "force", "field"])
+@given(total=st.floats(25_000.0, 65_000.0), dip=st.floats(15.0, 85.0) | st.floats(-85.0, -15.0), attitude=angles)
+def test_a_dip_of_the_other_sign_blames_neither_reference_nor_sensor_alone(flipped, total, dip, attitude):
+    meant = reference_of(Place(field="fixed", total_nt=total, dip_deg=dip), DAY_NS)
+    f_t, b_t = readings(meant, attitude)
+    given_deg = -dip if flipped == "reference" else dip
+    reference = reference_of(Place(field="fixed", total_nt=total, dip_deg=given_deg), DAY_NS)
+    force, field = -f_t if flipped == "force" else f_t, -b_t if flipped == "field" else b_t
+    own = measured(force, field, reference, StationSettings())
+    (finding,), _ = findings([Taken(own)], StationSettings())
+    station = judged(own, finding, StationSettings())
+    assert station.reasons[0].code is ReasonCode.DIP_SIGN
+    assert station.verdicts.inclination != ACCEPT
+    assert station.verdicts.azimuth != ACCEPT
 
 
 @pytest.mark.parametrize("day", ["1926-03-01", "1980-03-01"])

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 COLOURS = {"accept": "green", "doubtful": "yellow", "reject": "red"}
 _MOST = 12  # largest number of surveys that are printed
+_MOST_ALIKE = 3  # largest number of reasons that are printed if they differ only in their numbers
+_NUMBER = re.compile(r"\d[\d.]*")
 
 
 def show_surveys(records: Sequence[SurveyRecord], convention: AngleConvention = AngleConvention.INCLINATION) -> None:
@@ -72,16 +75,24 @@ def show_actions(stations: Sequence[tuple[int, str, str]]) -> None:
     """
     Print the main reasons for verdicts; stations with the same verdict and reason are on one line.
 
+    More than `_MOST_ALIKE` reasons that differ only in their numbers are on one line too, with the first as an example.
+
     stations: number, verdict ("accept", "doubtful", "reject") and main reason; a station with an empty reason is
     omitted.
     """
-    numbers: dict[tuple[str, str], list[int]] = {}
+    alike: dict[tuple[str, str], dict[str, list[int]]] = {}
     for number, verdict, action in stations:
         if action:
-            numbers.setdefault((verdict, action), []).append(number)
+            same = alike.setdefault((verdict, _NUMBER.sub("#", action)), {})
+            same.setdefault(action, []).append(number)
     console = terminal.output()
-    for (verdict, action), which in numbers.items():
-        console.print(Text.assemble(f"{numbered(which):>4} ", (verdict, COLOURS[verdict]), f": {action}"))
+    for (verdict, _), actions in alike.items():
+        lines = [(which, action) for action, which in actions.items()]
+        if len(lines) > _MOST_ALIKE:
+            whole, (first, action) = sorted(n for which, _ in lines for n in which), lines[0]
+            lines = [(whole, f"{action} (numbers of survey {first[0]})")]
+        for which, action in lines:
+            console.print(Text.assemble(f"{numbered(which):>4} ", (verdict, COLOURS[verdict]), f": {action}"))
 
 
 def _accepted_beyond(survey: Survey) -> bool:
@@ -149,7 +160,7 @@ def revision_sentences(records: Sequence[SurveyRecord]) -> list[str]:
     lines = [f"{numbers:>4} revised with the other surveys of the run{most}"]
     for (first, now), move in zip(revised, moves, strict=True):
         words = [Verdict(one.verdict).word for one in (first, now)]
-        if words[0] != words[1] or move > first.sigma_azimuth:
+        if words[0] != words[1] or (move > first.sigma_azimuth and now.verdict == Verdict.ACCEPT):
             lines.append(
                 f"{now.sequence:>4} was {words[0]} at first: {_azimuth(first)}; now {words[1]}: {_azimuth(now)}"
             )

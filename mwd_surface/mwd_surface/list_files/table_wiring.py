@@ -37,8 +37,9 @@ _DIP_FITS, _DIRECTION_OFF, _DIRECTION_FITS, _BETTER = math.radians(1.5), math.ra
 # _LEAST_ROWS is the smallest number of rows for a decision: one row fits one of 48 wirings by chance in a third of the
 # cases, three rows in one of 10 000.
 _FEW, _MOST, _LEAST_ROWS = 0.2, 0.8, 3
-# Inclination above which a hole goes up, rad; beyond the horizontal by more than landings overshoot.
-_UPWARDS = math.radians(95.0)
+# Inclination above which a hole goes up, rad, beyond the horizontal by more than landings overshoot; and inclination
+# that no hole reaches, rad.
+_UPWARDS, _NO_HOLE = math.radians(95.0), math.radians(120.0)
 # Attitudes that differ by more than this, rad, show the wiring independently.
 _ANOTHER_ATTITUDE = math.radians(10.0)
 _ACCELERATIONS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "ft/s^2": 0.3048, "Gal": 0.01}
@@ -195,9 +196,11 @@ def _wirings(
     fits = (np.abs(dips - dip[known]) < _DIP_FITS).mean(axis=2) if known.any() else np.ones((len(f), len(b)))
     off = _directions_off(f, b, printed_inclination, printed)
     reversed_dips = known.any() and fits[_REVERSED, _AS_IT_IS] >= _MOST and fits[_AS_IT_IS, _AS_IT_IS] <= _FEW
-    if off is None and reversed_dips and (inclination(f[_AS_IT_IS]) > _UPWARDS).all():
-        # Specific force under the names of gravity, or the reverse: the hole seems to go up everywhere. A reference
-        # dip of the wrong sign gives the same difference of the dips, but leaves the hole pointing down.
+    tilt = inclination(f[_AS_IT_IS])
+    if off is None and reversed_dips and ((tilt > _UPWARDS).all() or tilt.max() > _NO_HOLE):
+        # Specific force under the names of gravity, or the reverse: the hole seems to go up everywhere, or as steeply
+        # as no hole does. A reference dip of the wrong sign gives the same difference of the dips, but leaves the hole
+        # pointing down.
         return [(_REVERSED, _AS_IT_IS)], True
     if off is not None and off[_AS_IT_IS, _AS_IT_IS] > _DIRECTION_OFF:
         # Compare with the angles in the table. Among the wirings that fit these angles, keep those with the best dips.

@@ -9,7 +9,7 @@ import math
 from example_stations import survey
 
 from mwd_estimation.survey.survey import Verdict
-from mwd_surface.commands.survey_table import list_warnings, revision_sentences
+from mwd_surface.commands.survey_table import list_warnings, revision_sentences, show_actions
 from mwd_surface.surveys.survey_record import SurveyRecord
 
 
@@ -27,12 +27,25 @@ def test_a_station_is_named_by_another_verdict_or_an_azimuth_more_than_its_sigma
             SurveyRecord(value(3, 162.0, 2.9), first=(value(3, 161.6, 3.0),)),
             SurveyRecord(value(4, 162.0, 2.9), first=(value(4, 162.01, 3.0),)),
             SurveyRecord(value(5, 162.0, 2.9)),
+            SurveyRecord(value(6, 62.0, 9.9, Verdict.REJECT), first=(value(6, 162.0, 9.9, Verdict.REJECT),)),
         ]
     )
     assert told == [
-        " 1-3 revised with the other surveys of the run, azimuth by 21.8 deg at most",
+        "1-3, 6 revised with the other surveys of the run, azimuth by 100.0 deg at most",
         "   1 was accept at first: 136.6 ±0.8; now accept: 158.4 ±3.3",
         "   2 was doubtful at first: 157.6 ±3.0; now accept: 158.4 ±3.3",
+    ]
+
+
+def test_many_reasons_that_differ_in_their_numbers_are_one_line_with_an_example(capsys):
+    show_actions([(k, "reject", f"dip {60.5 + k} deg: look") for k in (1, 2, 4, 5)] + [(3, "doubtful", "steel near")])
+    show_actions([(k, "reject", f"dip {60.5 + k} deg: look") for k in (1, 2, 4)])
+    assert capsys.readouterr().out.splitlines() == [
+        "1-2, 4-5 reject: dip 61.5 deg: look (numbers of survey 1)",
+        "   3 doubtful: steel near",
+        "   1 reject: dip 61.5 deg: look",
+        "   2 reject: dip 62.5 deg: look",
+        "   4 reject: dip 64.5 deg: look",
     ]
 
 

@@ -31,12 +31,12 @@ WAYS = [
 CODES = {ReasonCode.WIRING, ReasonCode.TABLE_UNIT, ReasonCode.DEAD_AXIS}
 
 
-def run(seed, *, angles=True, outside_nt=0.0, string_nt=0.0, count=10):
-    """Columns of a run that builds from 15 to 75 deg, turning by 40 deg, with sensor errors as of a tool code."""
+def run(seed, *, angles=True, outside_nt=0.0, string_nt=0.0, count=10, built_deg=75.0):
+    """Columns of a run that builds from 15 deg, turning by 40 deg, with sensor errors as of a tool code."""
     rng = np.random.default_rng(seed)
     north = TOTAL * math.cos(DIP)
     b_n = np.array([north * math.cos(DECLINATION), north * math.sin(DECLINATION), TOTAL * math.sin(DIP)])
-    tilt, start = np.linspace(15.0, 75.0, count) * DEG, rng.uniform(0.0, math.tau)
+    tilt, start = np.linspace(15.0, built_deg, count) * DEG, rng.uniform(0.0, math.tau)
     azimuth = start + np.linspace(0.0, 40.0, count) * DEG
     bias = rng.normal([string_nt, 0.0, 0.0], 70.0)
     g, b = np.empty((count, 3)), np.empty((count, 3))
@@ -89,8 +89,9 @@ def test_without_angles_a_wiring_of_one_sensor_is_named_by_the_dips(q):
     assert faults(g @ WAYS[q].T, b, {}) == {ReasonCode.WIRING}
 
 
-def test_without_angles_the_other_sign_of_gravity_is_named_before_a_slip_of_the_reference():
-    g, b, _ = run(11)
+@pytest.mark.parametrize("built_deg", [75.0, 92.0])
+def test_without_angles_the_other_sign_of_gravity_is_named_before_a_slip_of_the_reference(built_deg):
+    g, b, _ = run(11, built_deg=built_deg)
     for row in single_stations(table_rows(columns(-g, b, {}))):
         assert row.station.headline.code is ReasonCode.WIRING
     wrong_reference = columns(g, b, {}) | {"dip_ref_deg": [-DIP / DEG] * len(g)}
