@@ -27,6 +27,8 @@ _WITHIN_SIGMAS = NormalDist().inv_cdf(0.5 + 0.5 * _WITHIN)
 # Smallest width of a peak that the coarse grid resolves, rad; and largest ratio of the widths of two peaks that use the
 # same grid.
 _NARROW, _ALIKE = 0.1, 1.4
+# Squared distance, above the smallest one, of a point whose weight is below rounding.
+_NOTHING = 75.0
 
 
 class Mixture(NamedTuple):
@@ -91,7 +93,8 @@ class _Cost:
         Both have the shape (n,). modes: angles of the modes, rad; lone: whether to use only the half circle around the
         single mode, because an expected azimuth excludes the other half.
         """
-        spread = [modes[0] + np.linspace(-0.5, 0.5, 361) * math.pi if lone else np.linspace(-1.0, 1.0, 721) * math.pi]
+        # Steps of a degree give mean and sigma of a peak of at least `_NARROW` to a thousandth of sigma.
+        spread = [modes[0] + np.linspace(-0.5, 0.5, 181) * math.pi if lone else np.linspace(-1.0, 1.0, 361) * math.pi]
         for mode in modes:
             tangent = self._horizontal * np.array([-math.sin(mode), -math.cos(mode)])
             resolved = 0.0
@@ -154,13 +157,16 @@ def posterior(parts: Mixture, horizontal: float, expected: float | None = None) 
     angle, spacing = cost.grid(angles, len(angles) == 1 and expected is not None)
     every = cost.each(angle)
     least = float(every.min())
-    weight = np.exp(-0.5 * (every - least)) * spacing
+    # The other points have a weight below rounding.
+    k, n = np.nonzero(every < least + _NOTHING)
+    weight = np.exp(-0.5 * (every[k, n] - least)) * spacing[n]
     whole = float(weight.sum())
     weight /= whole
     d = horizontal * np.stack([np.cos(angle), -np.sin(angle)])
     total = angle + parts.cross @ d + (parts.shift - np.einsum("ki,ki->k", parts.cross, parts.earth))[:, None]
-    mean = math.atan2(float(np.sum(weight * np.sin(total))), float(np.sum(weight * np.cos(total))))
-    variance = float(np.sum(weight * wrap_pi(total - mean) ** 2)) + float(weight.sum(axis=1) @ parts.own)
+    total = total[k, n]
+    mean = math.atan2(float(weight @ np.sin(total)), float(weight @ np.cos(total)))
+    variance = float(weight @ (wrap_pi(total - mean) ** 2 + parts.own[k]))
     several = tuple(angles) if len(angles) > 1 else ()
     return OnCircle(mean, min(math.sqrt(variance), math.pi), misfit, several, math.log(whole) - 0.5 * least)
 
@@ -186,12 +192,12 @@ def sigma_of_mixture(weight: Array, off: Array, sigmas: Sequence[float]) -> floa
 
 def _modes(cost: Callable[[Array], Array]) -> list[tuple[float, float]]:
     """Return angle, rad, and cost of each local minimum of the cost that is less than 25 above the lowest minimum."""
-    grid = np.linspace(-math.pi, math.pi, 360, endpoint=False)
+    grid = np.linspace(-math.pi, math.pi, 180, endpoint=False)
     values = cost(grid)
     low = (values <= np.roll(values, 1)) & (values < np.roll(values, -1))
     found = []
     for angle in grid[low]:
-        step = math.radians(1.0)
+        step = math.radians(2.0)
         for _ in range(5):
             near = angle + np.linspace(-step, step, 41)
             angle = near[np.argmin(cost(near))]
