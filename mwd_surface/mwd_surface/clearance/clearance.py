@@ -27,7 +27,7 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.remark import Remark, RemarkKind
-from mwd_surface.uncertainty.uncertain_well import UncertainWell
+from mwd_surface.uncertainty.position_covariance import UncertainWell
 
 # Spacing of the points at which two wells are compared, m; between points the library searches for the smallest factor.
 _STEP = 30.0

@@ -99,7 +99,7 @@ def batch(
       duckdb -c "select bag, count(*) from 'fleet/surveys/*.parquet' where verdict = 'accept' group by bag"
     """
     try:
-        from mwd_surface.fleet import fleet_index, fleet_run
+        from mwd_surface.fleet import fleet_run
     except ModuleNotFoundError as error:
         hint = "pip install distributed pyarrow"
         raise ValueError(f"mwd batch needs the package {error.name}, which is not installed: {hint}") from error
@@ -130,7 +130,7 @@ def batch(
     except KeyboardInterrupt:
         terminal.warn("interrupted; finished results are kept; run the same command again to continue")
         raise typer.Exit(130) from None
-    failed = _show(output, fleet_index.write_index(output, outcomes), outcomes, time.monotonic() - began)
+    failed = _show(output, fleet_run.write_index(output, outcomes), outcomes, time.monotonic() - began)
     if failed:
         raise typer.Exit(1)
 

@@ -64,8 +64,7 @@ def clearance(
       mwd clearance out/run_7 --offsets wells.yaml -o out/near --plan plan.csv
     """
     from mwd_surface.clearance.clearance import ClearanceLevel
-    from mwd_surface.clearance.offset_wells import read_offset_wells
-    from mwd_surface.clearance.well_clearance import well_clearance
+    from mwd_surface.clearance.offset_wells import read_offset_wells, well_clearance
     from mwd_surface.exports.clearance_csv import clearance_csv
     from mwd_surface.list_files.list_file import is_list
     from mwd_surface.list_files.remark import sentences

@@ -174,7 +174,7 @@ def _table(
     from mwd_surface.exports.report_clearance import clearance_sections
     from mwd_surface.exports.report_logs import health_section, log_section
     from mwd_surface.exports.survey_table import survey_table
-    from mwd_surface.runs.run_logs import run_logs
+    from mwd_surface.runs.player import run_logs
     from mwd_surface.surveys.survey_source import stretches_of
 
     surveys, notes = survey_list_at(source)

@@ -58,9 +58,9 @@ def forecast(
     from mwd_surface.exports.forecast_csv import forecast_csv
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.drawing import png
-    from mwd_surface.plots.forecast_plot import forecast_figure
+    from mwd_surface.plots.path_plots import forecast_figure
     from mwd_surface.surveys.well import Well
-    from mwd_surface.trajectory.plan_file import in_north, read_plan
+    from mwd_surface.trajectory.plan import in_north, read_plan
     from mwd_surface.uncertainty.error_terms import check_tool_code
     from mwd_surface.uncertainty.forecast import corrected_sibling, correction_map
     from mwd_surface.uncertainty.forecast import forecast as work_out

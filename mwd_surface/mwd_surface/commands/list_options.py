@@ -117,7 +117,7 @@ def read_plan_option(path: Path | None, changes: Sequence[str] | None, well: Wel
     """
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked
-    from mwd_surface.trajectory.plan_file import read_plan
+    from mwd_surface.trajectory.plan import read_plan
 
     given = assigned(changes, "--plan-set").given().with_dip(well.angles.points if well is not None else "")
     if path is None:

@@ -42,15 +42,15 @@ def dump(
       mwd memory dump runs/sensors -o dump --tool tool.yaml --interval 1
     """
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.processing import memory_dump
+    from mwd_surface.processing import log_estimate
     from mwd_surface.processing.log_estimate import channels_of
     from mwd_surface.surveys.recorded_settings import recorded_settings
 
-    clock = memory_dump.DumpClock(clock_offset, clock_drift * 1e-6)
+    clock = log_estimate.DumpClock(clock_offset, clock_drift * 1e-6)
     with Bag(recording) as bag:
         recorded = recorded_settings(bag)
         channels = channels_of(tool)
-        samples, taken = memory_dump.dump(bag, output, channels, clock, interval_s=interval, recorded=recorded)
+        samples, taken = log_estimate.dump_memory(bag, output, channels, clock, interval_s=interval, recorded=recorded)
     terminal.tell(f"{output}: {samples} log samples, one every {interval} s, and {taken} surveys")
 
 

@@ -239,7 +239,7 @@ def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> 
     """
     from mwd_surface.exports.comparison_csv import comparison_csv
     from mwd_surface.plots.drawing import png
-    from mwd_surface.plots.path_comparison import figure_of
+    from mwd_surface.plots.path_plots import figure_of
     from mwd_surface.trajectory.list_comparison import difference
 
     well = dataclasses.replace(other.well, north_reference=table.surveys.well.north_reference)

@@ -149,8 +149,7 @@ def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
     from mwd_surface.runs.player import recorded_surface
     from mwd_surface.surveys.recorded_settings import recorded_settings
     from mwd_surface.surveys.well import Well
-    from mwd_surface.trajectory.plan import Plan
-    from mwd_surface.trajectory.plan_file import read_plan
+    from mwd_surface.trajectory.plan import Plan, read_plan
 
     if path is not None or said:
         return read_plan_option(path, said)

@@ -50,9 +50,9 @@ from mwd_surface.processing.bag_input import (
 )
 from mwd_surface.processing.input_stream import InputStream, asked_span, offsets_of_clock, problems, refuse
 from mwd_surface.processing.list_builder import ListBuilder
-from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.recorded_requests import RecordedRequest, RecordedRequests
 from mwd_surface.processing.rests import Rests
+from mwd_surface.processing.run_output import Merger
 from mwd_surface.processing.run_summary import Summary, hindrance, pipeline_warnings
 from mwd_surface.surveys.recorded_settings import Recorded
 

@@ -24,7 +24,7 @@ from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_record import Judgement
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.plan_file import plan_from_list
+from mwd_surface.trajectory.plan import plan_from_list
 
 READABLE = ("csv", "raw_csv", "las", "witsml")
 # Last digits of the formats, and what they add up to along the few hundred metres of these lists, m and deg.

@@ -18,7 +18,7 @@ from mwd_surface.surveys.survey_source import stretches_of, surveys_of
 from mwd_surface.surveys.survey_store import SurveyStore, encoded
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import plan_of
-from mwd_surface.trajectory.slide_file import NAME, append_stretch
+from mwd_surface.trajectory.slide_sheet import NAME, append_stretch
 
 
 def without_well(surveys):
