@@ -65,7 +65,7 @@ def clearance(
     """
     from mwd_surface.clearance.clearance import ClearanceLevel
     from mwd_surface.clearance.offset_wells import read_offset_wells, well_clearance
-    from mwd_surface.exports.clearance_csv import clearance_csv
+    from mwd_surface.exports.csv_tables import clearance_csv
     from mwd_surface.list_files.list_file import is_list
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.clearance_plots import ladder, plan_view, travelling_cylinder

@@ -57,8 +57,7 @@ def finalize(
     """
     import json
 
-    from mwd_surface.exports.comparison_csv import comparison_csv
-    from mwd_surface.exports.path_csv import path_csv
+    from mwd_surface.exports.csv_tables import comparison_csv, path_csv
     from mwd_surface.exports.report_final import final_sections
     from mwd_surface.exports.survey_table import survey_table
     from mwd_surface.surveys.final_list import final_list

@@ -55,7 +55,7 @@ def forecast(
       mwd forecast plan.csv -o ahead --code MWD+IFR1+SAG --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd forecast plan.csv -o ahead --field 50500,71.2,-1.1 --north grid --convergence -0.9 --axial 400
     """
-    from mwd_surface.exports.forecast_csv import forecast_csv
+    from mwd_surface.exports.csv_tables import forecast_csv
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.drawing import png
     from mwd_surface.plots.path_plots import forecast_figure

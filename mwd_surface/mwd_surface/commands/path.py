@@ -106,7 +106,7 @@ def path(
     """
     options = locals()  # must be the first statement, while the options are the only local variables
 
-    from mwd_surface.exports.path_csv import path_csv
+    from mwd_surface.exports.csv_tables import path_csv
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked
     from mwd_surface.surveys.survey_store import encoded
@@ -237,7 +237,7 @@ def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> 
 
     Raises ValueError if declination or convergence for this is unknown.
     """
-    from mwd_surface.exports.comparison_csv import comparison_csv
+    from mwd_surface.exports.csv_tables import comparison_csv
     from mwd_surface.plots.drawing import png
     from mwd_surface.plots.path_plots import figure_of
     from mwd_surface.trajectory.list_comparison import difference

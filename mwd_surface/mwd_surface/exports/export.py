@@ -64,10 +64,10 @@ def _in_units_of_the_well(table: SurveyTable) -> SurveyTable:
 FORMATS: dict[str, Format] = {
     "html": Format(".html", "report", "survey report, HTML", ("report_html", "report_html")),
     "pdf": Format(".pdf", "report", "survey report, PDF", ("report_pdf", "report_pdf")),
-    "csv": Format(".csv", "definitive", "definitive survey, CSV", ("export_csv", "definitive_csv"), of_well=True),
-    "raw_csv": Format(".csv", "raw", "every survey with six axes, CSV", ("export_csv", "raw_csv_of"), of_well=True),
+    "csv": Format(".csv", "definitive", "definitive survey, CSV", ("csv_tables", "definitive_csv"), of_well=True),
+    "raw_csv": Format(".csv", "raw", "every survey with six axes, CSV", ("csv_tables", "raw_csv_of"), of_well=True),
     "las": Format(".las", "definitive", "definitive survey, LAS 2.0", ("export_las", "las"), of_well=True),
-    "deviation": Format(".csv", "deviation", "deviation from the design, CSV", ("deviation_csv", "deviation_csv")),
+    "deviation": Format(".csv", "deviation", "deviation from the design, CSV", ("csv_tables", "deviation_csv")),
     "dxf": Format(".dxf", "drawing", "plan and section, DXF", ("export_dxf", "dxf")),
     "xlsx": Format(".xlsx", "report", "survey report, workbook", ("export_xlsx", "xlsx")),
     "witsml": Format(

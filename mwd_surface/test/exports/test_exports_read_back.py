@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.angle_convention import CONVENTIONS
+from mwd_surface.exports.csv_tables import path_csv
 from mwd_surface.exports.export import FORMATS
-from mwd_surface.exports.path_csv import path_csv
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.list_files.list_columns import Given
 from mwd_surface.list_files.list_error import ListFileError

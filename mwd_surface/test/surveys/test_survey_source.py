@@ -9,7 +9,7 @@ import pytest
 from plotted_bag import recorded
 
 from mwd_surface.bags.bag_reader import BagError
-from mwd_surface.exports.export_csv import definitive_csv
+from mwd_surface.exports.csv_tables import definitive_csv
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.surveys.leg import Origin, TieOn
 from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE
