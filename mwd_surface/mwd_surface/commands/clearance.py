@@ -12,7 +12,7 @@ import typer
 
 from mwd_surface.commands import terminal
 from mwd_surface.commands.export import Bit, LegName
-from mwd_surface.commands.list_options import PlanSet, read_plan_option
+from mwd_surface.commands.shared_options import PlanSet, read_plan_option
 from mwd_surface.commands.sources import survey_list_at
 from mwd_surface.commands.speech import spoken_figure
 

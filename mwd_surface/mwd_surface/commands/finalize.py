@@ -14,7 +14,7 @@ from mwd_sensors.core import settings
 from mwd_surface import __version__
 from mwd_surface.commands import terminal
 from mwd_surface.commands.export import WellChanges
-from mwd_surface.commands.reference_options import assignments
+from mwd_surface.commands.shared_options import assignments
 from mwd_surface.commands.sources import survey_list_at
 from mwd_surface.exports.export import FORMATS
 

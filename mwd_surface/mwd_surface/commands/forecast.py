@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands import terminal
-from mwd_surface.commands.list_options import LIST
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.reference_options import PLACE, Changes, Convergence, Declination, GivenPlace
+from mwd_surface.commands.shared_options import LIST, PLACE, Changes, Convergence, Declination, GivenPlace, takes
 from mwd_surface.commands.speech import spoken_figure
 from mwd_surface.commands.table_reference import GivenReference, table_reference, table_settings
 

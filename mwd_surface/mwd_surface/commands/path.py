@@ -13,9 +13,17 @@ import typer
 
 from mwd_surface import __version__
 from mwd_surface.commands import terminal
-from mwd_surface.commands.list_options import LIST, assigned
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.reference_options import PLACE, Changes, Convergence, Declination, GivenPlace, numbers_in
+from mwd_surface.commands.shared_options import (
+    LIST,
+    PLACE,
+    Changes,
+    Convergence,
+    Declination,
+    GivenPlace,
+    assigned,
+    numbers_in,
+    takes,
+)
 from mwd_surface.commands.sources import survey_list_at
 from mwd_surface.commands.speech import spoken_figure
 from mwd_surface.commands.table_reference import GivenReference, table_reference, table_settings

@@ -15,7 +15,6 @@ import typer
 
 from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.commands import terminal
-from mwd_surface.commands.list_options import PlanSet, assigned
 from mwd_surface.commands.run_graph import RunOptions, run_graph
 from mwd_surface.commands.run_options import (
     give_parameters,
@@ -23,6 +22,7 @@ from mwd_surface.commands.run_options import (
     parameter_file,
 )
 from mwd_surface.commands.scenario import Seed, scenario_names
+from mwd_surface.commands.shared_options import PlanSet, assigned
 
 if TYPE_CHECKING:
     from mwd_sensors.simulator.scenario import Scenario

@@ -10,8 +10,7 @@ from typing import Annotated
 import typer
 
 from mwd_surface.commands import terminal
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.reference_options import (
+from mwd_surface.commands.shared_options import (
     FIELD_PANEL,
     PLACE,
     Changes,
@@ -19,6 +18,7 @@ from mwd_surface.commands.reference_options import (
     Convergence,
     Declination,
     GivenPlace,
+    takes,
 )
 from mwd_surface.commands.table_reference import GivenReference, RowReference, table_reference, table_settings
 

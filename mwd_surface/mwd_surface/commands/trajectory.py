@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands import terminal
-from mwd_surface.commands.list_options import LIST, assigned
-from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.shared_options import LIST, assigned, takes
 from mwd_surface.commands.sources import survey_list_at
 from mwd_surface.commands.speech import spoken_figure
 

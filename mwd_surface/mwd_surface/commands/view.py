@@ -11,9 +11,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands import terminal
-from mwd_surface.commands.list_options import PlanSet, read_plan_option
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
+from mwd_surface.commands.shared_options import (
+    READING,
+    PlanSet,
+    Reading,
+    given_names,
+    input_settings,
+    read_plan_option,
+    takes,
+)
 from mwd_surface.commands.sources import estimated
 
 if TYPE_CHECKING:
