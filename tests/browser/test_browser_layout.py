@@ -17,7 +17,6 @@ from browser_page import (
     click,
     font_sizes,
     rig_on,
-    show,
     sign_in,
     state_of,
     steered,

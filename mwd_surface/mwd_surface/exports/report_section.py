@@ -89,3 +89,17 @@ class Section:
     sheets: tuple[Sheet, ...] = ()
     drawings: tuple[Drawing, ...] = ()
     page: bool = False
+
+
+def table_section(
+    heading: str,
+    columns: Sequence[tuple[str, str]],
+    rows: Sequence[tuple[str, ...]],
+    marks: Sequence[str] = (),
+    *,
+    tints: Mapping[tuple[int, int], str] | None = None,
+    legend: str = "",
+    text: Sequence[str] = (),
+) -> Section:
+    """Return a section of one table with the same heading; text: sentences above it. Other arguments as `sheet_of`."""
+    return Section(heading, tuple(text), (sheet_of(heading, columns, rows, marks, tints=tints, legend=legend),))
