@@ -53,18 +53,13 @@ from mwd_surface.list_files.table import Table, read_bytes, table_of, text_of
 
 _START_ROWS = ("tie-on", "assumed")  # rows of exports of this program that are not surveys, by their column "station"
 # Words of columns that say whether a station may be used; an empty cell says nothing.
-_USABLE = frozenset(
-    [
-        *("accept", "accepted", "ok", "okay", "good", "pass", "passed", "yes", "y", "true", "valid", "used", "in use"),
-        *("approved", "definitive", "final", "open", "position", "reject", "survey", ""),
-    ]
+_USABLE = number_cells.words_of(
+    "accept|accepted|ok|okay|good|pass|passed|yes|y|true|valid|used|in use|approved|definitive|final|open|position|"
+    "reject|survey|"
 )
-_DOUBTFUL = frozenset(["doubtful", "suspect", "suspicious", "questionable", "poor"])
-_UNUSABLE = frozenset(
-    [
-        *("rejected", "bad", "fail", "failed", "no", "n", "false", "invalid", "unused", "not used", "do not use"),
-        *("not accepted", "excluded", "omitted", "not ok", "nok"),
-    ]
+_DOUBTFUL = number_cells.words_of("doubtful|suspect|suspicious|questionable|poor")
+_UNUSABLE = number_cells.words_of(
+    "rejected|bad|fail|failed|no|n|false|invalid|unused|not used|do not use|not accepted|excluded|omitted|not ok|nok"
 )
 _UPWARDS = 3  # smallest number of stations in a list that may be written from the bottom up
 _NUMBERED = {"1": "yes", "0": "no"}  # of columns such as "use"; of a quality flag, neither number has a usual meaning
