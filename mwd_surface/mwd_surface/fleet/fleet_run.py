@@ -107,7 +107,8 @@ def cluster(scheduler: str, workers: int = 0, tls: Tls | None = None) -> Iterato
         raise ValueError(f"--scheduler {scheduler}: expected {', '.join(SCHEDULERS)} or tcp://HOST:PORT")
     processes = scheduler != "threads"
     cores = workers or len(os.sched_getaffinity(0))
-    with _interrupts_ignored():
+    # The processes that are started here ignore Ctrl-C, and this process ends them.
+    with _interrupts(signal.SIG_IGN):
         made = distributed.LocalCluster(
             n_workers=cores if processes else 1,
             threads_per_worker=1 if processes else cores,
@@ -122,12 +123,12 @@ def cluster(scheduler: str, workers: int = 0, tls: Tls | None = None) -> Iterato
 
 
 @contextlib.contextmanager
-def _interrupts_ignored() -> Iterator[None]:
-    """Ignore SIGINT in this block: processes that are started here ignore Ctrl-C, and the parent process ends them."""
+def _interrupts(handler: Any) -> Iterator[None]:
+    """Let SIGINT call another handler during this block, if the block runs in the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = signal.signal(signal.SIGINT, handler)
     try:
         yield
     finally:
@@ -166,7 +167,9 @@ def run(
         The data set cannot be written.
     """
     done: queue.SimpleQueue[distributed.Future | None] = queue.SimpleQueue()
-    with _interrupts_into(done):
+    # Python's own handler would raise KeyboardInterrupt at any point of the program. Within a garbage collection, where
+    # Dask has a callback, the exception would be ignored.
+    with _interrupts(lambda *_: done.put(None)):
         (folder / "bags").mkdir(parents=True, exist_ok=True)
         text = config_text(estimator)
         place = str(folder.resolve())
@@ -188,24 +191,6 @@ def run(
             report(outcome, len(outcomes) / len(works))
     fleet_dataset.tidy(folder, {one.bag: one.key for one in outcomes.values() if one.key})
     return [outcomes[work.bag] for work in works]
-
-
-@contextlib.contextmanager
-def _interrupts_into(done: queue.SimpleQueue[distributed.Future | None]) -> Iterator[None]:
-    """
-    While this block runs, let SIGINT put None into the queue instead of raising KeyboardInterrupt.
-
-    Python's own handler raises the exception at any point of the program. Within a garbage collection, where Dask has a
-    callback, the exception would be ignored.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, lambda *_: done.put(None))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _outcome(future: distributed.Future, work: FleetWork) -> Outcome:
