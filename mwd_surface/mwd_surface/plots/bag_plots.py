@@ -163,8 +163,7 @@ def _draw_panel(ax: Axes, data: PlotData, panel: Panel, last: bool) -> None:
     if truth is not None:
         seconds, value = truth.envelope.line(0)
         ax.plot(seconds / scale, value, "--", color=TRUTH_COLOUR, linewidth=0.9, label="truth")
-    ax.set_title(panel.title, loc="left", fontsize=9, pad=3)
-    ax.set_ylabel(trace.unit, fontsize=9)
+    _label(ax, panel.title, y=trace.unit)
     ax.set_xlim(0.0, max(data.seconds, 1e-3) / scale)
     if trace.log:
         ax.set_yscale("log")
@@ -187,6 +186,12 @@ def _draw_panel(ax: Axes, data: PlotData, panel: Panel, last: bool) -> None:
         ax.set_xlabel(f"{unit} after {start:%H:%M:%S} UTC", fontsize=9)
     else:
         ax.tick_params(labelbottom=False)
+
+
+def _label(ax: Axes, title: str, x: str = "", y: str = "") -> None:
+    ax.set_title(title, loc="left", fontsize=9, pad=3)
+    ax.set_xlabel(x, fontsize=9)
+    ax.set_ylabel(y, fontsize=9)
 
 
 def _per_minute(rate_deg_s: Any) -> Any:
@@ -256,9 +261,8 @@ def _draw_spectrum(ax: Axes, item: SpectrumOf) -> None:
     for k, label in enumerate(("x (down-hole)", "y", "z (scribe)")):
         level = np.sqrt(spectrum.density[1:, k])
         ax.loglog(spectrum.frequency[1:], np.maximum(level, 1e-12), color=SERIES[k], linewidth=0.8, label=label)
-    ax.set_title(f"{item.topic}: {item.quantity}", loc="left", fontsize=9, pad=3)
-    ax.set_xlabel(f"Hz ({spectrum.segments} averages of {spectrum.segment / spectrum.rate:.3g} s)", fontsize=9)
-    ax.set_ylabel(f"{item.unit}/√Hz", fontsize=9)
+    averages = f"Hz ({spectrum.segments} averages of {spectrum.segment / spectrum.rate:.3g} s)"
+    _label(ax, f"{item.topic}: {item.quantity}", averages, f"{item.unit}/√Hz")
     finish_axes(ax, legend=True)
 
 
@@ -277,9 +281,7 @@ def _draw_waterfall(ax: Axes, data: PlotData, item: SpectrumOf) -> None:
         vmax=float(np.percentile(known, 99.5)),
         interpolation="nearest",
     )
-    ax.set_title(f"{item.topic}: specific force across the tool, over time", loc="left", fontsize=9, pad=3)
-    ax.set_xlabel(f"{unit} after the start", fontsize=9)
-    ax.set_ylabel("Hz", fontsize=9)
+    _label(ax, f"{item.topic}: specific force across the tool, over time", f"{unit} after the start", "Hz")
     ax.tick_params(labelsize=8)
     bar = ax.figure.colorbar(drawn, ax=ax, cax=ax.inset_axes((1.02, 0.0, 0.015, 1.0)))
     bar.set_label("dB of (m/s²)²/Hz", fontsize=8)
@@ -301,14 +303,8 @@ def _draw_allan(ax: Axes, item: AllanOf) -> None:
         ax.loglog(item.curve.tau, np.maximum(deviation, 1e-12), color=SERIES[k], linewidth=1.0, label=label)
         low, high = (np.maximum(deviation * (1.0 + s * item.curve.sigma), 1e-12) for s in (-1.0, 1.0))
         ax.fill_between(item.curve.tau, low, high, color=SERIES[k], alpha=0.15, linewidth=0.0)
-    ax.set_title(
-        f"{item.topic}: {item.quantity}, still for {item.seconds:.0f} s from {item.start_s:.0f} s",
-        loc="left",
-        fontsize=9,
-        pad=3,
-    )
-    ax.set_xlabel("averaging time, s", fontsize=9)
-    ax.set_ylabel(f"Allan deviation, {unit}", fontsize=9)
+    title = f"{item.topic}: {item.quantity}, still for {item.seconds:.0f} s from {item.start_s:.0f} s"
+    _label(ax, title, "averaging time, s", f"Allan deviation, {unit}")
     finish_axes(ax, legend=True)
 
 
@@ -326,12 +322,13 @@ def survey_drawers(data: PlotData) -> list[Callable[[Axes], None]]:
     surveys = [survey for survey, _ in data.surveys]
     norths = {NORTHS.get(s.north, "unnamed") for s in surveys if s.has_azimuth}
     north = " and ".join(sorted(norths)) or "unnamed"
-    return [
-        drawer(_draw_survey, data, "inclination, deg", lambda s: (s.inclination * DEGREES, _sigma(s, 0)), True),
-        drawer(_draw_survey, data, f"azimuth from {north} north, deg", _azimuth, False),
-        drawer(_draw_survey, data, "field less reference, nT", _field_residual, False),
-        drawer(_draw_survey, data, "dip less reference, deg", _dip_residual, False),
-    ]
+    columns: tuple[tuple[str, Callable[[Survey], tuple[float, float]]], ...] = (
+        ("inclination, deg", lambda s: (s.inclination * DEGREES, s.sigma_inclination * DEGREES)),
+        (f"azimuth from {north} north, deg", lambda s: (s.azimuth * DEGREES, s.sigma_azimuth * DEGREES)),
+        ("field less reference, nT", lambda s: ((s.b_total - s.b_reference) * 1e9, 0.0)),
+        ("dip less reference, deg", lambda s: ((s.dip - s.dip_reference) * DEGREES, 0.0)),
+    )
+    return [drawer(_draw_survey, data, label, value, k == 0) for k, (label, value) in enumerate(columns)]
 
 
 def _draw_survey(
@@ -371,19 +368,3 @@ def _draw_survey(
         ax.text(
             0.5, 0.5, "not available", ha="center", va="center", transform=ax.transAxes, fontsize=9, color=TRUTH_COLOUR
         )
-
-
-def _sigma(survey: Survey, k: int) -> float:
-    return math.sqrt(survey.covariance[4 * k]) * DEGREES
-
-
-def _azimuth(survey: Survey) -> tuple[float, float]:
-    return survey.azimuth * DEGREES, _sigma(survey, 1)
-
-
-def _field_residual(survey: Survey) -> tuple[float, float]:
-    return (survey.b_total - survey.b_reference) * 1e9, 0.0
-
-
-def _dip_residual(survey: Survey) -> tuple[float, float]:
-    return (survey.dip - survey.dip_reference) * DEGREES, 0.0

@@ -115,6 +115,16 @@ def _sigmas(samples: Samples) -> Array:
     return np.where(sigma > 0.0, sigma, np.nan)
 
 
+def _angles(what: str, north: str, label: str) -> tuple[Trace, ...]:
+    """Return the panels of inclination, azimuth and toolface; north: north of the azimuth, for the title."""
+    toolface = "gravity toolface (right of high side positive)"
+    return (
+        Trace(what, "inclination from vertical", "deg", (label,), _degrees("inclination"), key="inclination"),
+        Trace(what, f"azimuth from {north} north", "deg", (label,), _degrees("azimuth"), 360.0, key="azimuth"),
+        Trace(what, toolface, "deg", (label,), _toolface, 360.0, key="toolface"),
+    )
+
+
 def _count_rate(samples: Samples) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         rate: Array = samples["counts"] / samples["duration"]
@@ -153,17 +163,7 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
         ),
     ),
     wire.TRUTH.type_name: (
-        Trace("truth", "inclination from vertical", "deg", ("truth",), _degrees("inclination"), key="inclination"),
-        Trace("truth", "azimuth from true north", "deg", ("truth",), _degrees("azimuth"), circle=360.0, key="azimuth"),
-        Trace(
-            "truth",
-            "gravity toolface (right of high side positive)",
-            "deg",
-            ("truth",),
-            _toolface,
-            circle=360.0,
-            key="toolface",
-        ),
+        *_angles("truth", "true", "truth"),
         Trace("truth", "depth of the sonde along the hole", "m", ("truth",), _columns("measured_depth"), down=True),
         Trace("truth", "angular rate", "deg/s", _AXES, _vector("angular_velocity", _DEG), rotary=True),
         Trace("truth", "specific force", "m/s²", _AXES, _vector("specific_force")),
@@ -176,21 +176,7 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
         Trace("sensors", "battery current", "A", ("battery",), _columns("battery_current")),
     ),
     wire.ATTITUDE.type_name: (
-        Trace(
-            "attitude", "inclination from vertical", "deg", ("estimate",), _degrees("inclination"), key="inclination"
-        ),
-        Trace(
-            "attitude", "azimuth from {north} north", "deg", ("estimate",), _degrees("azimuth"), 360.0, key="azimuth"
-        ),
-        Trace(
-            "attitude",
-            "gravity toolface (right of high side positive)",
-            "deg",
-            ("estimate",),
-            _toolface,
-            360.0,
-            key="toolface",
-        ),
+        *_angles("attitude", "{north}", "estimate"),
         Trace("attitude", "stated 1 sigma", "deg", ("inclination", "azimuth", "gravity toolface"), _sigmas, log=True),
     ),
     wire.GRAVITY.type_name: (
