@@ -75,8 +75,7 @@ def survey(
         show_surveys,
     )
     from mwd_surface.list_files.remark import sentences
-    from mwd_surface.list_files.six_axis_columns import find_columns
-    from mwd_surface.list_files.six_axis_table import read_readings, single_stations, table_rows
+    from mwd_surface.list_files.six_axis_table import find_columns, read_readings, single_stations, table_rows
     from mwd_surface.surveys import survey_csv
     from mwd_surface.surveys.table_run import run_stations, table_surveys
 
