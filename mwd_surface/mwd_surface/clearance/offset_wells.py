@@ -333,29 +333,17 @@ def _remarks(offset: OffsetWell, plan: Plan) -> tuple[Remark, ...]:
 
 @dataclasses.dataclass(frozen=True)
 class WellClearance:
-    """
-    Clearances of a well to the wells near it.
+    """Clearances of a well to the wells near it."""
 
-    Attributes
-    ----------
-    well : UncertainWell
-        Path that was compared, including projection and plan ahead.
-    surveyed, bit : float
-        Measured depths of the last survey and of the bit, m; below the bit the path is planned.
-    found : tuple of Clearance
-        Clearances, smallest separation factor first.
-    remarks : tuple of Remark
-        Parts that were not compared, and all assumptions made for the lists of the well, the plan and the offset wells.
-    refused : tuple of str
-        Names of the offset wells that could not be compared, so that their separation is unknown.
-    """
-
-    well: UncertainWell
+    well: UncertainWell  #: path that was compared, including projection and plan ahead
+    #: `surveyed`, `bit`: measured depths of the last survey and of the bit, m; below the bit the path is planned
     surveyed: float
     bit: float
-    found: tuple[Clearance, ...]
+    found: tuple[Clearance, ...]  #: clearances, smallest separation factor first
+    #: parts that were not compared, and all assumptions made for the lists of the well, the plan and the offset wells
     remarks: tuple[Remark, ...]
     rule: ClearanceRule
+    #: names of the offset wells that could not be compared, so that their separation is unknown
     refused: tuple[str, ...] = ()
 
     def ahead(self) -> tuple[Clearance, ...]:

@@ -237,38 +237,25 @@ _KEYS = re.compile(
 
 @dataclasses.dataclass(frozen=True)
 class Given:
-    """
-    Facts about a list that the caller states; they replace the statements of the file.
+    """Facts about a list that the caller states; they replace the statements of the file."""
 
-    Attributes
-    ----------
-    columns : mapping of str
-        Quantity (md, inclination, dip, azimuth, tvd, north, east ...) -> name of its column. An empty name means that
-        the quantity is not read.
-    length_unit, angle_unit, north : str
-        Unit of lengths (of LENGTH_UNITS), unit of angles (of ANGLE_UNITS) and north of azimuths. Each replaces the
-        statement of the file; if empty, the file decides.
-    decimal : str
-        "point" or "comma"; empty: inferred from the cells.
-    dip : str
-        Direction of positive angles from the horizontal, "down" or "up"; empty: inferred from the vertical depths.
-    wellhead : tuple of float, optional
-        Northing and easting of the wellhead, in m, subtracted from map coordinates.
-    usual_dip : str
-        Usual direction of positive angles from the horizontal in the well; used if neither the caller nor the list nor
-        its vertical depths determine the direction.
-    confirm : tuple of str
-        Words of `CONFIRMABLE` for implausible values that the caller has checked and that are correct.
-    """
-
+    #: quantity (md, inclination, dip, azimuth, tvd, north, east ...) -> name of its column. An empty name means that
+    #: the quantity is not read.
     columns: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    #: `length_unit`, `angle_unit`, `north`: unit of lengths (of LENGTH_UNITS), unit of angles (of ANGLE_UNITS) and
+    #: north of azimuths. Each replaces the statement of the file; if empty, the file decides.
     length_unit: str = ""
     angle_unit: str = ""
     north: str = ""
-    decimal: str = ""
+    decimal: str = ""  #: "point" or "comma"; empty: inferred from the cells
+    #: direction of positive angles from the horizontal, "down" or "up"; empty: inferred from the vertical depths
     dip: str = ""
+    #: northing and easting of the wellhead, in m, subtracted from map coordinates
     wellhead: tuple[float, float] | None = None
+    #: words of `CONFIRMABLE` for implausible values that the caller has checked and that are correct
     confirm: tuple[str, ...] = ()
+    #: usual direction of positive angles from the horizontal in the well; used if neither the caller nor the list nor
+    #: its vertical depths determine the direction
     usual_dip: str = ""
 
     def __post_init__(self) -> None:

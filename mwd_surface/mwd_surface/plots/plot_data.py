@@ -77,29 +77,19 @@ class AllanOf:
 
 @dataclasses.dataclass
 class PlotData:
-    """
-    Data for the plot of a bag.
+    """Data for the plot of a bag."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the bag.
-    start_ns, end_ns : int
-        Span drawn, ns since the epoch.
-    panels, spectra, allan, surveys : list
-        Data of each part of the plot; each survey is paired with its measured depth, m, or NaN.
-    remarks : list of str
-        Reasons why requested data cannot be shown.
-    """
-
-    name: str
+    name: str  #: name of the bag
+    #: `start_ns`, `end_ns`: span drawn, ns since the epoch
     start_ns: int
     end_ns: int
+    #: `panels`, `spectra`, `allan`, `surveys`: data of each part of the plot; each survey is paired with its measured
+    #: depth, m, or NaN
     panels: list[Panel] = dataclasses.field(default_factory=list)
     spectra: list[SpectrumOf] = dataclasses.field(default_factory=list)
     allan: list[AllanOf] = dataclasses.field(default_factory=list)
     surveys: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
-    remarks: list[str] = dataclasses.field(default_factory=list)
+    remarks: list[str] = dataclasses.field(default_factory=list)  #: reasons why requested data cannot be shown
 
     @property
     def seconds(self) -> float:

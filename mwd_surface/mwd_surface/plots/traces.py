@@ -22,41 +22,20 @@ _RPM = 30.0 / np.pi
 
 @dataclasses.dataclass(frozen=True)
 class Trace:
-    """
-    Definition of one panel over time.
+    """Definition of one panel over time."""
 
-    Attributes
-    ----------
-    what : str
-        Word of `WHAT` that selects the panel.
-    title, unit : str
-        Title and unit; "{north}" in a title is replaced by the north reference of the samples.
-    labels : tuple of str
-        Labels of the series.
-    values : callable
-        Function that returns the values of n samples, shape (n, series); NaN if a value is not available.
-    circle : float
-        If positive, the values are angles with this period.
-    down : bool
-        Whether the axis points down, as for depth.
-    log : bool
-        Whether the axis is logarithmic.
-    rotary : bool
-        Whether to add a second axis in r/min to the axis in deg/s.
-    key : str
-        Name of the angle, by which panels of attitude and truth are paired; empty for other panels.
-    """
-
-    what: str
+    what: str  #: word of `WHAT` that selects the panel
+    #: `title`, `unit`: title and unit; "{north}" in a title is replaced by the north reference of the samples
     title: str
     unit: str
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  #: labels of the series
+    #: function that returns the values of n samples, shape (n, series); NaN if a value is not available
     values: Callable[[Samples], Array]
-    circle: float = 0.0
-    down: bool = False
-    log: bool = False
-    rotary: bool = False
-    key: str = ""
+    circle: float = 0.0  #: if positive, the values are angles with this period
+    down: bool = False  #: whether the axis points down, as for depth
+    log: bool = False  #: whether the axis is logarithmic
+    rotary: bool = False  #: whether to add a second axis in r/min to the axis in deg/s
+    key: str = ""  #: name of the angle, by which panels of attitude and truth are paired; empty for other panels
 
 
 def traces_of(type_name: str) -> tuple[Trace, ...]:

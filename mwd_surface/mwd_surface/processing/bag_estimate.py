@@ -65,23 +65,13 @@ _SKEW_S = 1.0
 
 @dataclasses.dataclass(frozen=True)
 class _Result:
-    """
-    Result of one stage, for the writer.
+    """Result of one stage, for the writer."""
 
-    Attributes
-    ----------
-    output, log_ns : Output and ndarray of int64
-        Results of some IMU samples, and the log times of these samples; or None.
-    originals : list of MessagePart
-        Messages of the bag.
-    until_ns : int
-        No message logged up to this time will follow; None if no such time is known.
-    """
-
+    #: `output`, `log_ns`: results of some IMU samples, and the log times of these samples; or None
     output: Output | None
     log_ns: NDArray[np.int64] | None = None
-    originals: list[MessagePart] = dataclasses.field(default_factory=list)
-    until_ns: int | None = None
+    originals: list[MessagePart] = dataclasses.field(default_factory=list)  #: messages of the bag
+    until_ns: int | None = None  #: no message logged up to this time will follow; None if no such time is known
 
 
 class BagEstimate:

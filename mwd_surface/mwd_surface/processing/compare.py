@@ -86,30 +86,19 @@ class DifferenceStatistics:
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """
-    Differences between a run and the expected run.
-
-    Attributes
-    ----------
-    missing, extra : tuple of str
-        Stations only in the expected run, or only in this run, as "number at depth".
-    rows, rows_missing, rows_extra : int
-        Number of samples in both runs; only in the expected run; only in this run.
-    status_differs : int
-        Number of samples with different status words.
-    failures : tuple of str
-        A sentence for each limit that is exceeded; empty if the runs agree.
-    """
+    """Differences between a run and the expected run."""
 
     stations: tuple[StationDifference, ...]
+    #: `missing`, `extra`: stations only in the expected run, or only in this run, as "number at depth"
     missing: tuple[str, ...]
     extra: tuple[str, ...]
     statistics: tuple[DifferenceStatistics, ...]
+    #: `rows`, `rows_missing`, `rows_extra`: number of samples in both runs; only in the expected run; only in this run
     rows: int
     rows_missing: int
     rows_extra: int
-    status_differs: int
-    failures: tuple[str, ...]
+    status_differs: int  #: number of samples with different status words
+    failures: tuple[str, ...]  #: a sentence for each limit that is exceeded; empty if the runs agree
 
     @property
     def agree(self) -> bool:

@@ -68,53 +68,25 @@ _ASKEW = (
 
 @dataclasses.dataclass(frozen=True)
 class Inspection:
-    """
-    Result of an inspection.
-
-    Attributes
-    ----------
-    times : dict of str to StreamTimes
-        Times of each topic used.
-    frames : dict of str to str
-        Frame that the messages of each topic name.
-    units : dict of str to str
-        Units of the readings, by name of the option.
-    mount : str
-        Mount of the units in the tool, as text.
-    turns_about : str
-        Axis of the unit about which the string turned, and its direction; empty if the string never turned.
-    rests : int or None
-        Number of intervals at rest that are long enough for a survey; None if the samples are too few to judge.
-    rest_s : float
-        Longest interval at rest.
-    faults : list of SensorFault
-        Sensor faults present at the end, with the samples read with the units and the mount found.
-    remarks : list of str
-        Sentences on anything unusual.
-    missing : list of (str, str)
-        Results that cannot be computed, each with the input that is missing.
-    surveys : list of str
-        Verdicts of the surveys that the command yields.
-    refusal : str
-        Reason why `mwd process` refuses the recording; empty if it accepts the recording.
-    command : str
-        Command that processes the recording; empty if `mwd process` refuses it.
-    """
+    """Result of an inspection."""
 
     topics: Topics
-    times: dict[str, StreamTimes]
-    frames: dict[str, str]
-    units: dict[str, str]
-    mount: str
+    times: dict[str, StreamTimes]  #: times of each topic used
+    frames: dict[str, str]  #: frame that the messages of each topic name
+    units: dict[str, str]  #: units of the readings, by name of the option
+    mount: str  #: mount of the units in the tool, as text
+    #: axis of the unit about which the string turned, and its direction; empty if the string never turned
     turns_about: str
+    #: number of intervals at rest that are long enough for a survey; None if the samples are too few to judge
     rests: int | None
-    rest_s: float
+    rest_s: float  #: longest interval at rest
+    #: sensor faults present at the end, with the samples read with the units and the mount found
     faults: list[SensorFault]
-    remarks: list[str]
-    missing: list[tuple[str, str]]
-    surveys: list[str]
-    refusal: str
-    command: str
+    remarks: list[str]  #: sentences on anything unusual
+    missing: list[tuple[str, str]]  #: results that cannot be computed, each with the input that is missing
+    surveys: list[str]  #: verdicts of the surveys that the command yields
+    refusal: str  #: reason why `mwd process` refuses the recording; empty if it accepts the recording
+    command: str  #: command that processes the recording; empty if `mwd process` refuses it
 
 
 @dataclasses.dataclass

@@ -53,38 +53,25 @@ class DrilledStretch:
     """
     Stretch of hole that was drilled in one mode.
 
-    Attributes
-    ----------
-    mode : str
-        SLIDE or ROTATE.
-    from_depth, to_depth : float
-        Depths of the bit, m.
-    begin_ns, end_ns : int
-        Begin and end of drilling, ns since the epoch.
-    toolface : float or None
-        Mean toolface over the metres slid, rad; None for ROTATE, or if no toolface was known.
-    steadiness : float or None
-        Length of the mean unit vector of the toolfaces: 1 if the toolface was constant, 0 if evenly scattered.
-    magnetic : bool
-        Whether the toolface is from north instead of the high side.
-    rotary_speed : float
-        Mean rotary speed over the metres drilled, rad/s.
-
     Raises
     ------
     ValueError
         `mode` is neither SLIDE nor ROTATE.
     """
 
-    mode: str
+    mode: str  #: SLIDE or ROTATE
+    #: `from_depth`, `to_depth`: depths of the bit, m
     from_depth: float
     to_depth: float
+    #: `begin_ns`, `end_ns`: begin and end of drilling, ns since the epoch
     begin_ns: int
     end_ns: int
+    #: mean toolface over the metres slid, rad; None for ROTATE, or if no toolface was known
     toolface: float | None = None
+    #: length of the mean unit vector of the toolfaces: 1 if the toolface was constant, 0 if evenly scattered
     steadiness: float | None = None
-    magnetic: bool = False
-    rotary_speed: float = 0.0
+    magnetic: bool = False  #: whether the toolface is from north instead of the high side
+    rotary_speed: float = 0.0  #: mean rotary speed over the metres drilled, rad/s
 
     def __post_init__(self) -> None:
         if self.mode not in (SLIDE, ROTATE):

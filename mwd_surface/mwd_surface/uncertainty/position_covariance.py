@@ -56,23 +56,15 @@ class Ellipse:
 
 @dataclasses.dataclass(frozen=True)
 class StationErrors:
-    """
-    Information on the errors of a well's stations.
+    """Information on the errors of a well's stations."""
 
-    Attributes
-    ----------
-    tools : sequence of ErrorTool or None, length n
-        Tool that measured each station; None for a station without errors of its own, such as a tie-on.
-    sigmas : ndarray, shape (n, 2), optional
-        1 sigma of inclination and azimuth of each station, rad, used instead of the angle errors of the tool code. The
-        errors are assumed to be fully correlated within a run, which is the cautious choice. NaN: use the code.
-    tie_on : ndarray, shape (3, 3), optional
-        Covariance of the first station, in the axes of the result, m^2.
-    """
-
+    #: tool that measured each station; None for a station without errors of its own, such as a tie-on
     tools: Sequence[ErrorTool | None]
+    #: shape (n, 2); 1 sigma of inclination and azimuth of each station, rad, used instead of the angle errors of the
+    #: tool code. The errors are assumed to be fully correlated within a run, which is the cautious choice. NaN: use the
+    #: code.
     sigmas: Array | None = None
-    tie_on: Array | None = None
+    tie_on: Array | None = None  #: shape (3, 3); covariance of the first station, in the axes of the result, m^2
 
 
 def position_covariance(
