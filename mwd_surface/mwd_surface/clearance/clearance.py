@@ -98,19 +98,14 @@ class ClearanceRule:
 
 @dataclasses.dataclass(frozen=True)
 class NotCompared:
-    """
-    Part of a well that was not compared with the other well.
+    """Part of a well that was not compared with the other well."""
 
-    well: name of the well.
-    from_md, to_md: measured depths, m.
-    reason: why the part was not compared.
-    shared: whether the user stated that both wells are the same hole there, so that no comparison is missing.
-    """
-
-    well: str
+    well: str  #: name of the well
+    #: `from_md`, `to_md`: measured depths, m
     from_md: float
     to_md: float
-    reason: str
+    reason: str  #: why the part was not compared
+    #: whether the user stated that both wells are the same hole there, so that no comparison is missing
     shared: bool = False
 
     def remark(self) -> Remark:

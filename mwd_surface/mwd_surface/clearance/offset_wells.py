@@ -57,14 +57,10 @@ class OffsetWellError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class OffsetWell(ListSettings):
-    """
-    One offset well, with the settings for reading its list.
+    """One offset well, with the settings for reading its list."""
 
-    name: name for display. file: path of its list or plan, relative to the file that names the offset wells.
-    """
-
-    name: str
-    file: str
+    name: str  #: name for display
+    file: str  #: path of its list or plan, relative to the file that names the offset wells
     north_m: float | None = setting(
         None,
         "Distance of the offset well's wellhead north of the wellhead of this well. If left out, it follows from "
@@ -112,11 +108,7 @@ class OffsetWell(ListSettings):
 
 @dataclasses.dataclass(frozen=True)
 class OffsetWells:
-    """
-    Content of the file of offset wells: all offset wells of a well, and the separation rule.
-
-    name, folder: name and folder of the file.
-    """
+    """Content of the file of offset wells: all offset wells of a well, and the separation rule."""
 
     wells: tuple[OffsetWell, ...]
     rule: ClearanceRule = setting(ClearanceRule, "The separation rule and its levels.")
@@ -130,6 +122,7 @@ class OffsetWells:
         low=0.0,
         high=20000.0,
     )
+    #: `name`, `folder`: name and folder of the file
     name: str = ""
     folder: str = ""
 

@@ -37,17 +37,11 @@ SETTINGS_PANEL = "Settings"
 
 
 class OptionGroup(NamedTuple):
-    """
-    Group of options.
+    """Group of options."""
 
-    argument: name of the argument with which a command gets the group. make: function that returns this argument from
-    the values of all options by name. options: by name of the option, its annotation for typer; without a default, an
-    option is None.
-    """
-
-    argument: str
-    make: Callable[..., Any]
-    options: Mapping[str, Any]
+    argument: str  #: name of the argument with which a command gets the group
+    make: Callable[..., Any]  #: function that returns this argument from the values of all options by name
+    options: Mapping[str, Any]  #: by name of the option, its annotation for typer; without a default, an option is None
 
 
 def takes(*groups: OptionGroup) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -24,17 +24,13 @@ class ExportError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class Format:
-    """
-    Format of a file: its ending, word for the file name, description, and module and function that make its content.
-
-    of_well: whether the function gets the columns and the head block in the display units of the well.
-    """
+    """Format of a file."""
 
     ending: str
-    word: str
-    what: str
-    writer: tuple[str, str]
-    of_well: bool = False
+    word: str  #: word for the file name
+    what: str  #: description
+    writer: tuple[str, str]  #: module and function that make the content
+    of_well: bool = False  #: whether the function gets the columns and the head block in the display units of the well
 
     @property
     def is_report(self) -> bool:

@@ -298,18 +298,15 @@ def columns_of(text: str) -> dict[str, str]:
 
 @dataclasses.dataclass(frozen=True)
 class ListColumn:
-    """
-    One column: its index, its name, and its quantity ("" if the list reader does not read this quantity).
-
-    unit, north: unit and north that the name states, or "". strange: words of the name that were not understood.
-    """
+    """One column: its index, its name, and its quantity ("" if the list reader does not read this quantity)."""
 
     number: int
     name: str
     quantity: str
+    #: `unit`, `north`: unit and north that the name states, or ""
     unit: str = ""
     north: str = ""
-    strange: str = ""
+    strange: str = ""  #: words of the name that were not understood
 
 
 @dataclasses.dataclass(frozen=True)

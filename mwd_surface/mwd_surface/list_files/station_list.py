@@ -29,21 +29,15 @@ _SHARPEST = math.radians(20.0) / 30.0
 
 @dataclasses.dataclass(frozen=True)
 class Start:
-    """
-    Point at which the path of a list starts.
+    """Point at which the path of a list starts."""
 
-    md, inclination, azimuth: m and rad.
-    position: north, east, down, m.
-    source: one of the words of `leg.Origin`.
-    remarks: assumptions.
-    """
-
+    #: `md`, `inclination`, `azimuth`: m and rad
     md: float
     inclination: float
     azimuth: float
-    position: tuple[float, float, float]
-    source: str
-    remarks: tuple[Remark, ...] = ()
+    position: tuple[float, float, float]  #: north, east, down, m
+    source: str  #: one of the words of `leg.Origin`
+    remarks: tuple[Remark, ...] = ()  #: assumptions
 
 
 @dataclasses.dataclass(frozen=True)

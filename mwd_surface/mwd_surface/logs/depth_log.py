@@ -80,18 +80,14 @@ class Curve:
 
 @dataclasses.dataclass(frozen=True)
 class Newest:
-    """
-    Newest value of a channel: value and 1 sigma in its unit, time, ns, and depth of the sensor at that time, m.
-
-    quality: bits of mwd_msgs/LogSample.
-    """
+    """Newest value of a channel: value and 1 sigma in its unit, time, ns, and depth of the sensor at that time, m."""
 
     value: float
     sigma: float
     stamp_ns: int
     depth: float
     unit: str
-    quality: int
+    quality: int  #: bits of mwd_msgs/LogSample
 
 
 class _Sums:
@@ -229,15 +225,11 @@ class _DepthChannel:
 
 
 class _DepthBeforeJump(NamedTuple):
-    """
-    State before a jump of the depth that no string can make.
+    """State before a jump of the depth that no string can make."""
 
-    stamp_ns: time of the last bit depth. bit_depth: this depth, m. bottom: bottom of the hole at this time, m.
-    """
-
-    stamp_ns: int
-    bit_depth: float
-    bottom: float
+    stamp_ns: int  #: time of the last bit depth
+    bit_depth: float  #: depth of the bit then, m
+    bottom: float  #: bottom of the hole then, m
 
     def reaches(self, rules: DepthJumpRules, stamp_ns: int, bit_depth: float) -> bool:
         """Return whether a string can move from this depth to another one, m, by a time, ns."""

@@ -410,16 +410,11 @@ class HealthLedger:
 
 @dataclasses.dataclass(frozen=True)
 class _Silence:
-    """
-    Silences: times without a known state of the pumps.
+    """Silences: times without a known state of the pumps."""
 
-    seconds: total length, s. active_s: part of the total in which the pumps are assumed to be on. last: these two
-    numbers of the last silence alone.
-    """
-
-    seconds: float = 0.0
-    active_s: float = 0.0
-    last: tuple[float, float] = (0.0, 0.0)
+    seconds: float = 0.0  #: total length, s
+    active_s: float = 0.0  #: part of the total in which the pumps are assumed to be on
+    last: tuple[float, float] = (0.0, 0.0)  #: length and part with pumps on of the last silence alone
 
     def after(self, seconds: float, active_s: float) -> _Silence:
         """Return the sums with one more silence; seconds, active_s: its length and its part with the pumps on, s."""

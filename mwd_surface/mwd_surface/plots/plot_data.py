@@ -62,16 +62,12 @@ class SpectrumOf:
 
 @dataclasses.dataclass
 class AllanOf:
-    """
-    Allan deviation of one vector of one topic over its longest still interval.
-
-    start_s: begin of the interval after the start of the plot; seconds: length of the interval, s.
-    """
+    """Allan deviation of one vector of one topic over its longest still interval."""
 
     topic: str
     quantity: str
-    start_s: float
-    seconds: float
+    start_s: float  #: begin of the interval after the start of the plot
+    seconds: float  #: length of the interval, s
     curve: AllanCurve
 
 

@@ -434,20 +434,14 @@ TOPIC, TYPE = "used_samples", "mwd_msgs/msg/UsedSamples"
 
 @dataclasses.dataclass
 class _Count:
-    """
-    Numbers of samples of one topic, in one run of the live estimator.
+    """Numbers of samples of one topic, in one run of the live estimator."""
 
-    first_ns, last_ns : stamps of the first and the last sample used live.
-    used : number of samples used live.
-    recorded : number of samples between these stamps in the recording.
-    recorded_from_ns : stamp of the first of these recorded samples.
-    """
-
+    #: `first_ns`, `last_ns`: stamps of the first and the last sample used live
     first_ns: int
     last_ns: int
-    used: int
-    recorded: int = 0
-    recorded_from_ns: int = 0
+    used: int  #: number of samples used live
+    recorded: int = 0  #: number of samples between these stamps in the recording
+    recorded_from_ns: int = 0  #: stamp of the first of these recorded samples
 
 
 class UsedSamples:
@@ -598,16 +592,11 @@ _SILENCE_NS = 60 * wire.NANOSECONDS
 
 @dataclasses.dataclass(frozen=True)
 class Imu:
-    """
-    IMU samples ready for the estimator.
-
-    log_ns : log times of the samples.
-    followed : smoothed gravity at the samples; None without a smoother.
-    """
+    """IMU samples ready for the estimator."""
 
     samples: Samples
-    log_ns: Stamps
-    followed: Track | None
+    log_ns: Stamps  #: log times of the samples
+    followed: Track | None  #: smoothed gravity at the samples; None without a smoother
 
 
 class ImuQueue:

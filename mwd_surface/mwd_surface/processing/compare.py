@@ -52,36 +52,26 @@ _ROUNDING = 1.0 + 1e-9  # factor of a limit that allows for rounding
 
 @dataclasses.dataclass(frozen=True)
 class StationDifference:
-    """
-    One station of the expected run and its counterpart.
-
-    differences : by column, this run minus the expected run, deg (shares for sigmas); nan if only one run has the
-    value.
-    words : text on differences that are not numbers; empty if there are none.
-    """
+    """One station of the expected run and its counterpart."""
 
     sequence: str
     measured_depth: str
     stamp_difference_s: float
+    #: by column, this run minus the expected run, deg (shares for sigmas); nan if only one run has the value
     differences: dict[str, float]
-    words: tuple[str, ...]
+    words: tuple[str, ...]  #: text on differences that are not numbers; empty if there are none
 
 
 @dataclasses.dataclass(frozen=True)
 class DifferenceStatistics:
-    """
-    Differences of one quantity over the samples in which both runs have the quantity, deg.
-
-    count : number of these samples.
-    known_in_one : number of samples in which only one run has the quantity.
-    """
+    """Differences of one quantity over the samples in which both runs have the quantity, deg."""
 
     name: str
-    count: int
+    count: int  #: number of these samples
     mean: float
     rms: float
     largest: float
-    known_in_one: int
+    known_in_one: int  #: number of samples in which only one run has the quantity
 
 
 @dataclasses.dataclass(frozen=True)

@@ -91,19 +91,16 @@ class Inspection:
 
 @dataclasses.dataclass
 class _InspectionPass:
-    """
-    One reading of the whole recording: the settings with which the samples were read, and the findings.
-
-    turn : axis of the IMU that points down-hole, as text, for each interval of 3 s in which the string turned.
-    turned : sum of the rotation vectors in these intervals, in axes of the IMU, rad.
-    """
+    """One reading of the whole recording: the settings with which the samples were read, and the findings."""
 
     given: InputSettings
     estimator: EstimatorSettings
     times: dict[str, StreamTimes]
     rests: Rests
     remarks: list[str] = dataclasses.field(default_factory=list)
+    #: axis of the IMU that points down-hole, as text, for each interval of 3 s in which the string turned
     turn: list[str] = dataclasses.field(default_factory=list)
+    #: sum of the rotation vectors in these intervals, in axes of the IMU, rad
     turned: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
     faults: list[SensorFault] = dataclasses.field(default_factory=list)
     problems: list[StreamProblem] = dataclasses.field(default_factory=list)

@@ -111,17 +111,13 @@ class Advice(MessageRecord):
 
 @dataclasses.dataclass(frozen=True)
 class AdviceBasis:
-    """
-    Survey on which an advice is based: number, stamp, and sigmas, rad, NaN if unknown.
-
-    magnetic: whether the advised toolface is measured from north.
-    """
+    """Survey on which an advice is based: number, stamp, and sigmas, rad, NaN if unknown."""
 
     survey: int = 0
     stamp_ns: int = 0
     sigma_inclination: float = math.nan
     sigma_azimuth: float = math.nan
-    magnetic: bool = False
+    magnetic: bool = False  #: whether the advised toolface is measured from north
 
 
 def motor_yield(yields: Sequence[Yield]) -> float | None:

@@ -33,23 +33,16 @@ DRAWN_STEP = 10.0  # distance between the drawn points of the plan, m
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Plan:
-    """
-    Planned well path: its stations and their positions.
+    """Planned well path: its stations and their positions."""
 
-    md, inclination, azimuth: shape (n,), n >= 2, m and rad.
-    positions: shape (n, 3), m.
-    north: "magnetic", "true" or "grid", or "" if the file does not name the north.
-    name: name shown to users.
-    remarks: assumptions made on reading.
-    """
-
+    #: `md`, `inclination`, `azimuth`: shape (n,), n >= 2, m and rad
     md: Array
     inclination: Array
     azimuth: Array
-    positions: Array
-    north: str = ""
-    name: str = ""
-    remarks: tuple[Remark, ...] = ()
+    positions: Array  #: shape (n, 3), m
+    north: str = ""  #: "magnetic", "true" or "grid", or "" if the file does not name the north
+    name: str = ""  #: name shown to users
+    remarks: tuple[Remark, ...] = ()  #: assumptions made on reading
 
     def __eq__(self, other: object) -> bool:
         """Whether two plans have the same stations, start, north, name and remarks."""
@@ -103,27 +96,19 @@ class Plan:
 
 @dataclasses.dataclass(frozen=True)
 class Offset:
-    """
-    Offset of a point from the plan.
+    """Offset of a point from the plan."""
 
-    distance: distance to the nearest point of the plan, m.
-    plan_md: measured depth of this plan point, m.
-    up, right: components from the plan to the point, in the plane perpendicular to the plan, m.
-    horizontal: distance on the map, m.
-    vertical: depth below the plan, m.
-    toolface: direction from the well to the plan, perpendicular to the hole, rad from the high side; steering to this
-    toolface leads back to the plan.
-    dogleg_to_target: dogleg severity of the arc from the bit to the target of the plan, rad/m; NaN if no arc reaches
-    the target.
-    """
-
-    distance: float
-    plan_md: float
+    distance: float  #: distance to the nearest point of the plan, m
+    plan_md: float  #: measured depth of this plan point, m
+    #: `up`, `right`: components from the plan to the point, in the plane perpendicular to the plan, m
     up: float
     right: float
-    horizontal: float
-    vertical: float
+    horizontal: float  #: distance on the map, m
+    vertical: float  #: depth below the plan, m
+    #: direction from the well to the plan, perpendicular to the hole, rad from the high side; steering to this toolface
+    #: leads back to the plan
     toolface: float
+    #: dogleg severity of the arc from the bit to the target of the plan, rad/m; NaN if no arc reaches the target
     dogleg_to_target: float = math.nan
 
 

@@ -51,13 +51,9 @@ class CovarianceUnavailableError(ImportError):
 
 @dataclasses.dataclass(frozen=True)
 class ErrorReference:
-    """
-    Local magnetic field and gravity for the tool models, in rad, T and m/s^2.
+    """Local magnetic field and gravity for the tool models, in rad, T and m/s^2."""
 
-    latitude: NaN if the location of the well is not given; only gyro codes need the latitude.
-    """
-
-    latitude: float
+    latitude: float  #: NaN if the location of the well is not given; only gyro codes need the latitude
     b_total: float
     dip: float
     declination: float
@@ -92,16 +88,12 @@ class ErrorTerm:
 
 @dataclasses.dataclass(frozen=True)
 class _CourseStations:
-    """
-    Stations of a part of the well, shape (n,) each: measured depth, m, inclination, azimuth from true north, rad.
-
-    first_tvd: vertical depth of the first station, m.
-    """
+    """Stations of a part of the well, shape (n,) each: measured depth, m, inclination, azimuth from true north, rad."""
 
     md: Array
     inclination: Array
     azimuth: Array
-    first_tvd: float = 0.0
+    first_tvd: float = 0.0  #: vertical depth of the first station, m
 
     def cut(self, first: int, last: int, inclination: Array) -> _CourseStations:
         """Return the stations from index first to last - 1; inclination: new inclinations of all stations, rad."""

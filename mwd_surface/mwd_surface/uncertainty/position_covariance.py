@@ -313,28 +313,20 @@ def in_section(covariance: ArrayLike, section_azimuth: float) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class UncertainWell:
-    """
-    Stations of a well, the tools that measured them, and the size of the hole.
-
-    md, inclination, azimuth: shape (n,), m and rad.
-    positions: shape (n, 3), north, east, down, m.
-    north: north of azimuths and axes.
-    radius: radius of the open hole, m.
-    surveyed: measured depth of the last survey, m; the path below is projected or planned.
-    remarks: assumptions made for the list of stations.
-    """
+    """Stations of a well, the tools that measured them, and the size of the hole."""
 
     name: str
+    #: `md`, `inclination`, `azimuth`: shape (n,), m and rad
     md: Array
     inclination: Array
     azimuth: Array
-    positions: Array
-    north: North
+    positions: Array  #: shape (n, 3), north, east, down, m
+    north: North  #: north of azimuths and axes
     errors: StationErrors
     reference: ErrorReference
-    radius: float = 0.0
-    surveyed: float = math.inf
-    remarks: tuple[Remark, ...] = ()
+    radius: float = 0.0  #: radius of the open hole, m
+    surveyed: float = math.inf  #: measured depth of the last survey, m; the path below is projected or planned
+    remarks: tuple[Remark, ...] = ()  #: assumptions made for the list of stations
 
     def covariance(self) -> Array:
         """
