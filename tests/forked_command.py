@@ -34,7 +34,7 @@ _IMPORTED_ONCE = [
     "mwd_surface.receiver.link.receivers",
     "mwd_surface.receiver.pressure_files",
     "mwd_surface.runs.calibration_run",
-    "mwd_surface.runs.run_logs",
+    "mwd_surface.runs.player",
     "mwd_surface.runs.simulate",
     "mwd_surface.surveys.multi_station_analysis",
     "mwd_surface.surveys.survey_source",

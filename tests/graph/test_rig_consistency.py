@@ -22,7 +22,7 @@ from mwd_estimation.core.status import Status
 from mwd_estimation.survey.survey import AzimuthEstimate, Survey
 from mwd_sensors.core import wire
 from mwd_sensors.drivers.polled_line import Master, Poll, PolledFrame, PolledLineUnit, ReplyItem, reply
-from mwd_surface.exports.export_csv import definitive_csv, raw_csv
+from mwd_surface.exports.csv_tables import definitive_csv, raw_csv
 from mwd_surface.exports.export_las import las
 from mwd_surface.exports.export_witsml import NAMESPACE, witsml
 from mwd_surface.exports.report_content import content

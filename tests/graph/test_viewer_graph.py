@@ -17,7 +17,7 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.live.said import SAID
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.runs.player import Player, namespace_of, recorded_surface
-from mwd_surface.trajectory.plan_file import read_plan
+from mwd_surface.trajectory.plan import read_plan
 from page_states import differences
 from project import SCENARIOS
 from running_graph import until

@@ -27,7 +27,7 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.remark import Remark, RemarkKind
-from mwd_surface.uncertainty.uncertain_well import UncertainWell
+from mwd_surface.uncertainty.position_covariance import UncertainWell
 
 # Spacing of the points at which two wells are compared, m; between points the library searches for the smallest factor.
 _STEP = 30.0
@@ -98,19 +98,14 @@ class ClearanceRule:
 
 @dataclasses.dataclass(frozen=True)
 class NotCompared:
-    """
-    Part of a well that was not compared with the other well.
+    """Part of a well that was not compared with the other well."""
 
-    well: name of the well.
-    from_md, to_md: measured depths, m.
-    reason: why the part was not compared.
-    shared: whether the user stated that both wells are the same hole there, so that no comparison is missing.
-    """
-
-    well: str
+    well: str  #: name of the well
+    #: `from_md`, `to_md`: measured depths, m
     from_md: float
     to_md: float
-    reason: str
+    reason: str  #: why the part was not compared
+    #: whether the user stated that both wells are the same hole there, so that no comparison is missing
     shared: bool = False
 
     def remark(self) -> Remark:
@@ -121,44 +116,25 @@ class NotCompared:
 
 @dataclasses.dataclass(frozen=True)
 class Clearance:
-    """
-    Distance and separation factor from one well to another, along the first well.
+    """Distance and separation factor from one well to another, along the first well."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the other well.
-    md : ndarray, shape (n,)
-        Measured depth along the first well, m, in order: its stations, points between them, and the minima of the
-        factor. A depth may occur twice, with two points of the other well.
-    offset_md : ndarray, shape (n,)
-        Measured depth of the nearest point of the other well, m.
-    distance, allowed : ndarray, shape (n,)
-        Distance between the centres, and the distance at which the factor is 1, m.
-    factor : ndarray, shape (n,)
-        Separation factor; negative if the holes overlap.
-    toolface : ndarray, shape (n,)
-        Direction to the other well, perpendicular to the first, from the high side of the first well clockwise looking
-        downhole, rad.
-    bearing : ndarray, shape (n,)
-        Toolface + azimuth: the same direction measured from north, rad, as used in travelling-cylinder plots.
-    not_compared : tuple of NotCompared
-        Parts of both wells that lie above the compared paths.
-    other : UncertainWell or None
-        The other well, for drawings.
-    """
-
-    name: str
+    name: str  #: name of the other well
+    #: shape (n,); measured depth along the first well, m, in order: its stations, points between them, and the minima
+    #: of the factor. A depth may occur twice, with two points of the other well.
     md: Array
-    offset_md: Array
+    offset_md: Array  #: shape (n,); measured depth of the nearest point of the other well, m
+    #: `distance`, `allowed`: shape (n,); distance between the centres, and the distance at which the factor is 1, m
     distance: Array
     allowed: Array
-    factor: Array
+    factor: Array  #: shape (n,); separation factor; negative if the holes overlap
+    #: shape (n,); direction to the other well, perpendicular to the first, from the high side of the first well
+    #: clockwise looking downhole, rad
     toolface: Array
+    #: shape (n,); toolface + azimuth: the same direction measured from north, rad, as used in travelling-cylinder plots
     bearing: Array
     rule: ClearanceRule
-    not_compared: tuple[NotCompared, ...] = ()
-    other: UncertainWell | None = None
+    not_compared: tuple[NotCompared, ...] = ()  #: parts of both wells that lie above the compared paths
+    other: UncertainWell | None = None  #: the other well, for drawings
 
     @property
     def least(self) -> int:

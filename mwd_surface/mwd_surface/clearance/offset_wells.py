@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Offset wells near the well being drilled: a YAML file names their lists, wellheads, hole sizes and error models.
+Clearance from the well of a survey list to the offset wells near it: along its path, at the bit, and ahead on the plan.
+
+A YAML file names the lists of the offset wells, their wellheads, hole sizes and error models.
 
 Any list or plan that the importer can read may be used. Positions are relative to the wellhead of the well being
 drilled; azimuths from another north are converted to the north of that well.
@@ -21,16 +23,24 @@ from mwd_sensors.core.foreign_text import without_contents
 from mwd_sensors.core.frames import wrap_tau
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import setting
-from mwd_surface.clearance.clearance import Clearance, ClearanceRule, clearance, nearest_first
+from mwd_surface.clearance.clearance import (
+    Clearance,
+    ClearanceLevel,
+    ClearanceRule,
+    check_plausible,
+    clearance,
+    nearest_first,
+)
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_settings import OFFSET_WELL, ListSettings, asked
 from mwd_surface.list_files.map_coordinates import wellhead_of
-from mwd_surface.list_files.remark import Remark, RemarkKind
-from mwd_surface.trajectory.plan import Plan, interpolated
-from mwd_surface.trajectory.plan_file import read_plan
+from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.well_position import continued, uncertain_well
+from mwd_surface.trajectory.plan import Plan, interpolated, read_plan
 from mwd_surface.uncertainty.error_terms import ErrorReference
+from mwd_surface.uncertainty.position_covariance import UncertainWell
 from mwd_surface.uncertainty.programme import ProgrammeStations, SurveyProgramme, read_programme
-from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
 # Usual distance between surveys, m; and distance between surveys, m, above which the hole between them is hardly known.
 _SPACING = 30.0
@@ -47,14 +57,10 @@ class OffsetWellError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class OffsetWell(ListSettings):
-    """
-    One offset well, with the settings for reading its list.
+    """One offset well, with the settings for reading its list."""
 
-    name: name for display. file: path of its list or plan, relative to the file that names the offset wells.
-    """
-
-    name: str
-    file: str
+    name: str  #: name for display
+    file: str  #: path of its list or plan, relative to the file that names the offset wells
     north_m: float | None = setting(
         None,
         "Distance of the offset well's wellhead north of the wellhead of this well. If left out, it follows from "
@@ -102,11 +108,7 @@ class OffsetWell(ListSettings):
 
 @dataclasses.dataclass(frozen=True)
 class OffsetWells:
-    """
-    Content of the file of offset wells: all offset wells of a well, and the separation rule.
-
-    name, folder: name and folder of the file.
-    """
+    """Content of the file of offset wells: all offset wells of a well, and the separation rule."""
 
     wells: tuple[OffsetWell, ...]
     rule: ClearanceRule = setting(ClearanceRule, "The separation rule and its levels.")
@@ -120,6 +122,7 @@ class OffsetWells:
         low=0.0,
         high=20000.0,
     )
+    #: `name`, `folder`: name and folder of the file
     name: str = ""
     folder: str = ""
 
@@ -319,3 +322,106 @@ def _remarks(offset: OffsetWell, plan: Plan) -> tuple[Remark, ...]:
         )
         remarks.append(Remark(RemarkKind.SPARSE, text, {"distance": gap}))
     return tuple(remarks)
+
+
+@dataclasses.dataclass(frozen=True)
+class WellClearance:
+    """Clearances of a well to the wells near it."""
+
+    well: UncertainWell  #: path that was compared, including projection and plan ahead
+    #: `surveyed`, `bit`: measured depths of the last survey and of the bit, m; below the bit the path is planned
+    surveyed: float
+    bit: float
+    found: tuple[Clearance, ...]  #: clearances, smallest separation factor first
+    #: parts that were not compared, and all assumptions made for the lists of the well, the plan and the offset wells
+    remarks: tuple[Remark, ...]
+    rule: ClearanceRule
+    #: names of the offset wells that could not be compared, so that their separation is unknown
+    refused: tuple[str, ...] = ()
+
+    def ahead(self) -> tuple[Clearance, ...]:
+        """Return the clearances below the last survey, smallest separation factor first."""
+        parts = (one.between(self.surveyed, float(self.well.md[-1])) for one in self.found)
+        return tuple(nearest_first([part for part in parts if part is not None]))
+
+    @property
+    def not_compared(self) -> tuple[Remark, ...]:
+        """Remarks on wells or parts that were not compared, including wells that could not be used."""
+        return tuple(one for one in self.remarks if one.kind == RemarkKind.NOT_COMPARED)
+
+    @property
+    def level(self) -> ClearanceLevel:
+        """Level of the smallest separation factor below the last survey."""
+        ahead = self.ahead()
+        return ahead[0].level if ahead else ClearanceLevel.CLEAR
+
+
+def well_clearance(
+    surveys: SurveyList,
+    offsets: OffsetWells,
+    plan: Plan | None = None,
+    bit_depth: float | None = None,
+    leg: str | None = None,
+    *,
+    quoting: bool = True,
+) -> WellClearance:
+    """
+    Return the clearances of the well of a survey list to its offset wells.
+
+    Parameters
+    ----------
+    plan : Plan, optional
+        Plan along which the path is continued below the bit, for `ahead_m` of the file of offset wells.
+    bit_depth : float, optional
+        Bit depth, m; by default `sensor_to_bit` below the last survey.
+    leg : str, optional
+        Name of the leg; by default the current leg.
+    quoting : bool
+        Whether a remark may quote contents of a list that cannot be read; the node passes False, because anyone can
+        read the page without a login.
+
+    Raises
+    ------
+    ValueError
+        There is no such leg, the path is implausible (`check_plausible`), or the well's position has no covariance.
+    CovarianceUnavailableError
+        `welleng` is not installed.
+    """
+    path = surveys.definitive(leg)
+    surveyed = float(path.md[-1])
+    if bit_depth is None and surveys.well.sensor_offset > 0.0 and path.kind[-1] == "survey":
+        bit_depth = surveyed + surveys.well.sensor_offset
+    path = surveys.definitive(leg, bit_depth)
+    bit = float(path.md[-1])
+    path = continued(path, plan, offsets.ahead_m)
+    try:
+        well = uncertain_well(surveys, path, 0.5 * offsets.hole_diameter_m)
+        well = dataclasses.replace(well, surveyed=surveyed)
+        check_plausible(well, offsets.rule)
+        found, remarks = clearances(well, offsets, quoting)
+    except ValueError as error:
+        raise ValueError(f"no clearance: {error}") from error
+    own = (*path.assumptions, *surveys.remarks, *(() if plan is None else plan.remarks))
+    missing = dict.fromkeys(part for one in found for part in one.not_compared if not part.shared)
+    compared = {one.name for one in found}
+    refused = tuple(one.name for one in offsets.wells if one.name not in compared)
+    remarks = distinct((*own, *remarks, *(part.remark() for part in missing)))
+    return WellClearance(well, surveyed, bit, tuple(found), remarks, offsets.rule, refused)
+
+
+def offset_wells_of(surveys: SurveyList) -> OffsetWells | None:
+    """
+    Return the offset wells from the file that the well of a survey list names; None if no file is named.
+
+    Raises
+    ------
+    OffsetWellError
+        The file of the offset wells cannot be used.
+    """
+    name = surveys.well.offset_wells
+    return read_offset_wells(Path(name).expanduser()) if name else None
+
+
+def planned_rows(clearance: WellClearance) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Return the indices of the path points from the last survey down: the survey, the bit, and planned points."""
+    return np.flatnonzero(clearance.well.md >= clearance.surveyed - 1e-6)

@@ -12,8 +12,7 @@ import typer
 
 from mwd_sensors.core import settings
 from mwd_surface.commands import terminal
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.reference_options import PLACE, GivenPlace, numbers_in, place_changes
+from mwd_surface.commands.shared_options import PLACE, GivenPlace, numbers_in, place_changes, takes
 
 if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference

@@ -11,16 +11,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands import terminal
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.recording_options import READING, Reading, input_settings
-from mwd_surface.commands.reference_options import (
+from mwd_surface.commands.shared_options import (
     PLACE,
+    READING,
     Changes,
     Config,
     GivenPlace,
+    Reading,
     assignments,
+    input_settings,
     placed_settings,
     recording_changes,
+    takes,
 )
 
 if TYPE_CHECKING:
@@ -99,7 +101,7 @@ def batch(
       duckdb -c "select bag, count(*) from 'fleet/surveys/*.parquet' where verdict = 'accept' group by bag"
     """
     try:
-        from mwd_surface.fleet import fleet_index, fleet_run
+        from mwd_surface.fleet import fleet_run
     except ModuleNotFoundError as error:
         hint = "pip install distributed pyarrow"
         raise ValueError(f"mwd batch needs the package {error.name}, which is not installed: {hint}") from error
@@ -130,7 +132,7 @@ def batch(
     except KeyboardInterrupt:
         terminal.warn("interrupted; finished results are kept; run the same command again to continue")
         raise typer.Exit(130) from None
-    failed = _show(output, fleet_index.write_index(output, outcomes), outcomes, time.monotonic() - began)
+    failed = _show(output, fleet_run.write_index(output, outcomes), outcomes, time.monotonic() - began)
     if failed:
         raise typer.Exit(1)
 

@@ -13,10 +13,19 @@ import typer
 
 from mwd_sensors.core.settings import SettingsError, unknown_key
 from mwd_surface.commands import terminal
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
-from mwd_surface.commands.reference_options import FIELD_PANEL, PLACE, GivenPlace, field_figures, place_changes
 from mwd_surface.commands.scenario import Seed
+from mwd_surface.commands.shared_options import (
+    FIELD_PANEL,
+    PLACE,
+    READING,
+    GivenPlace,
+    Reading,
+    field_figures,
+    given_names,
+    input_settings,
+    place_changes,
+    takes,
+)
 
 if TYPE_CHECKING:
     from mwd_sensors.calibration.triad_calibration import Calibration

@@ -12,7 +12,7 @@ import typer
 
 from mwd_surface.commands import terminal
 from mwd_surface.commands.export import Bit, LegName
-from mwd_surface.commands.list_options import PlanSet, read_plan_option
+from mwd_surface.commands.shared_options import PlanSet, read_plan_option
 from mwd_surface.commands.sources import survey_list_at
 from mwd_surface.commands.speech import spoken_figure
 
@@ -64,9 +64,8 @@ def clearance(
       mwd clearance out/run_7 --offsets wells.yaml -o out/near --plan plan.csv
     """
     from mwd_surface.clearance.clearance import ClearanceLevel
-    from mwd_surface.clearance.offset_wells import read_offset_wells
-    from mwd_surface.clearance.well_clearance import well_clearance
-    from mwd_surface.exports.clearance_csv import clearance_csv
+    from mwd_surface.clearance.offset_wells import read_offset_wells, well_clearance
+    from mwd_surface.exports.csv_tables import clearance_csv
     from mwd_surface.list_files.list_file import is_list
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.clearance_plots import ladder, plan_view, travelling_cylinder

@@ -61,25 +61,25 @@ def compare(
       mwd compare bags/golden/stations
     """
     from mwd_surface.processing import compare as runs
-    from mwd_surface.processing import golden, run_folder
+    from mwd_surface.processing import run_folder
 
     if accept:
         if run_b is not None or limit:
             raise ValueError("--accept: give only the folder of a golden recording, and no limits")
-        golden.accept(run_a)
+        runs.accept_golden(run_a)
         terminal.tell(f"written: the expected results of {run_a}")
         return
     ours, expected = (run_a / "bag", run_a) if run_b is None else (run_a, run_b)
     if output is not None and output.suffix.lower() != ".png":
         raise ValueError(f"--output {output}: the plot must be .png")
-    if run_b is None and not golden.is_golden(run_a):
+    if run_b is None and not runs.is_golden(run_a):
         raise ValueError(
             f"{run_a} is not a golden recording (bag/ and limits.yaml); give the results to compare with as well"
         )
     if not run_folder.is_run(expected):
         raise ValueError(f"{expected} holds no results to compare with; `mwd process {expected} -o DIR` makes them")
-    with golden.processed(ours, expected) as run:
-        limits = {**golden.limits_of(expected), **_limits(limit)}
+    with runs.processed(ours, expected) as run:
+        limits = {**runs.limits_of(expected), **_limits(limit)}
         found = runs.compare(run, expected, limits)
         if output is not None:
             picture = _picture(run, expected)

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands import terminal
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
+from mwd_surface.commands.shared_options import READING, Reading, given_names, input_settings, takes
 
 if TYPE_CHECKING:
     from mwd_sensors.core.arrays import Samples

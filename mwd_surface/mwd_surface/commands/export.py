@@ -13,13 +13,18 @@ import typer
 from mwd_sensors.core import settings
 from mwd_surface import __version__
 from mwd_surface.commands import terminal
-from mwd_surface.commands.list_options import PlanSet, read_plan_option
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
-from mwd_surface.commands.reference_options import assignments
+from mwd_surface.commands.shared_options import (
+    READING,
+    PlanSet,
+    Reading,
+    assignments,
+    given_names,
+    input_settings,
+    read_plan_option,
+    takes,
+)
 from mwd_surface.commands.sources import estimated, recording_at, survey_list_at
-from mwd_surface.exports.export import FORMATS, export_file
-from mwd_surface.exports.export_name import safe_name
+from mwd_surface.exports.export import FORMATS, export_file, safe_name
 
 if TYPE_CHECKING:
     from mwd_surface.exports.survey_table import SurveyTable
@@ -174,7 +179,7 @@ def _table(
     from mwd_surface.exports.report_clearance import clearance_sections
     from mwd_surface.exports.report_logs import health_section, log_section
     from mwd_surface.exports.survey_table import survey_table
-    from mwd_surface.runs.run_logs import run_logs
+    from mwd_surface.runs.player import run_logs
     from mwd_surface.surveys.survey_source import stretches_of
 
     surveys, notes = survey_list_at(source)

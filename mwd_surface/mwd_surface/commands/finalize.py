@@ -14,7 +14,7 @@ from mwd_sensors.core import settings
 from mwd_surface import __version__
 from mwd_surface.commands import terminal
 from mwd_surface.commands.export import WellChanges
-from mwd_surface.commands.reference_options import assignments
+from mwd_surface.commands.shared_options import assignments
 from mwd_surface.commands.sources import survey_list_at
 from mwd_surface.exports.export import FORMATS
 
@@ -57,8 +57,7 @@ def finalize(
     """
     import json
 
-    from mwd_surface.exports.comparison_csv import comparison_csv
-    from mwd_surface.exports.path_csv import path_csv
+    from mwd_surface.exports.csv_tables import comparison_csv, path_csv
     from mwd_surface.exports.report_final import final_sections
     from mwd_surface.exports.survey_table import survey_table
     from mwd_surface.surveys.final_list import final_list

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands import terminal
-from mwd_surface.commands.list_options import LIST
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.reference_options import PLACE, Changes, Convergence, Declination, GivenPlace
+from mwd_surface.commands.shared_options import LIST, PLACE, Changes, Convergence, Declination, GivenPlace, takes
 from mwd_surface.commands.speech import spoken_figure
 from mwd_surface.commands.table_reference import GivenReference, table_reference, table_settings
 
@@ -55,12 +53,12 @@ def forecast(
       mwd forecast plan.csv -o ahead --code MWD+IFR1+SAG --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd forecast plan.csv -o ahead --field 50500,71.2,-1.1 --north grid --convergence -0.9 --axial 400
     """
-    from mwd_surface.exports.forecast_csv import forecast_csv
+    from mwd_surface.exports.csv_tables import forecast_csv
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.drawing import png
-    from mwd_surface.plots.forecast_plot import forecast_figure
+    from mwd_surface.plots.path_plots import forecast_figure
     from mwd_surface.surveys.well import Well
-    from mwd_surface.trajectory.plan_file import in_north, read_plan
+    from mwd_surface.trajectory.plan import in_north, read_plan
     from mwd_surface.uncertainty.error_terms import check_tool_code
     from mwd_surface.uncertainty.forecast import corrected_sibling, correction_map
     from mwd_surface.uncertainty.forecast import forecast as work_out

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mwd_surface.commands.node import without_ros
-from mwd_surface.commands.reference_options import assignments
+from mwd_surface.commands.shared_options import assignments
 from mwd_surface.commands.speech import say
 
 if TYPE_CHECKING:

@@ -10,15 +10,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands import terminal
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.recording_options import READING, Reading, Recording, input_settings
-from mwd_surface.commands.reference_options import (
+from mwd_surface.commands.shared_options import (
     PLACE,
+    READING,
     GivenPlace,
     Mount,
+    Reading,
+    Recording,
+    input_settings,
     mount_changes,
     placed_settings,
     recording_changes,
+    takes,
 )
 
 if TYPE_CHECKING:

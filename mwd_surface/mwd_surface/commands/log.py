@@ -10,8 +10,18 @@ import typer
 
 from mwd_sensors.core.output_files import write_whole
 from mwd_surface.commands import terminal
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.recording_options import READING, Reading, Recording, input_settings
+from mwd_surface.commands.shared_options import READING, Reading, Recording, input_settings, takes
+
+
+def check_log_options(output: Path, which: str) -> None:
+    """Raise ValueError if a log cannot have this file name, or has no such pass."""
+    from mwd_surface.logs.depth_log import PASSES
+    from mwd_surface.logs.log_files import FORMATS
+
+    if output.suffix.lower() not in FORMATS:
+        raise ValueError(f"--output {output}: a log must be {', '.join(FORMATS)}")
+    if which not in PASSES:
+        raise ValueError(f"--pass {which}: must be one of {', '.join(PASSES)}")
 
 
 @takes(READING)
@@ -57,7 +67,6 @@ def log(
     """
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.logs.depth_log import PASSES
     from mwd_surface.logs.log_files import FORMATS, gap_lines
     from mwd_surface.logs.recorded_log import recorded_samples
     from mwd_surface.processing.log_estimate import channels_of, computed_samples
@@ -65,10 +74,7 @@ def log(
     from mwd_surface.surveys.recorded_settings import recorded_settings
     from mwd_surface.surveys.well import Well
 
-    if output.suffix.lower() not in FORMATS:
-        raise ValueError(f"--output {output}: a log must be {', '.join(FORMATS)}")
-    if which not in PASSES:
-        raise ValueError(f"--pass {which}: must be one of {', '.join(PASSES)}")
+    check_log_options(output, which)
     with Bag(recording) as bag:
         recorded = recorded_settings(bag)
         described = recorded.well(Well())

@@ -11,6 +11,7 @@ import typer
 
 from mwd_sensors.core.output_files import write_whole
 from mwd_surface.commands import terminal
+from mwd_surface.commands.log import check_log_options
 
 memory = typer.Typer(
     help="Use the data in the tool's memory: fill the gaps of the real-time log, and revise the surveys.",
@@ -42,15 +43,15 @@ def dump(
       mwd memory dump runs/sensors -o dump --tool tool.yaml --interval 1
     """
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.processing import memory_dump
+    from mwd_surface.processing import log_estimate
     from mwd_surface.processing.log_estimate import channels_of
     from mwd_surface.surveys.recorded_settings import recorded_settings
 
-    clock = memory_dump.DumpClock(clock_offset, clock_drift * 1e-6)
+    clock = log_estimate.DumpClock(clock_offset, clock_drift * 1e-6)
     with Bag(recording) as bag:
         recorded = recorded_settings(bag)
         channels = channels_of(tool)
-        samples, taken = memory_dump.dump(bag, output, channels, clock, interval_s=interval, recorded=recorded)
+        samples, taken = log_estimate.dump_memory(bag, output, channels, clock, interval_s=interval, recorded=recorded)
     terminal.tell(f"{output}: {samples} log samples, one every {interval} s, and {taken} surveys")
 
 
@@ -86,7 +87,6 @@ def merge(
     """
     from mwd_surface.bags.bag_reader import Bag, BagError
     from mwd_surface.logs import memory_merge
-    from mwd_surface.logs.depth_log import PASSES
     from mwd_surface.logs.log_files import FORMATS, gap_lines
     from mwd_surface.logs.memory_clock import memory_clock
     from mwd_surface.logs.recorded_log import recorded_samples
@@ -96,10 +96,7 @@ def merge(
     from mwd_surface.surveys.survey_store import encoded
     from mwd_surface.surveys.well import Well
 
-    if output.suffix.lower() not in FORMATS:
-        raise ValueError(f"--output {output}: a log must be {', '.join(FORMATS)}")
-    if which not in PASSES:
-        raise ValueError(f"--pass {which}: must be one of {', '.join(PASSES)}")
+    check_log_options(output, which)
     with Bag(run) as bag, Bag(memory) as dumped:
         described = recorded_settings(bag).well(Well())
         clock = memory_clock(memory_merge.rotation_of_rig(bag, well), memory_merge.rotation_of_memory(dumped))
@@ -128,8 +125,7 @@ def merge(
         )
         surveys.parent.mkdir(parents=True, exist_ok=True)
         write_whole(surveys, encoded(listed))
-        text = f"written: {surveys} ({revised} surveys revised from the tool's memory, {added} added)"
-        terminal.tell(text)
+        terminal.tell(f"written: {surveys} ({revised} surveys revised from the tool's memory, {added} added)")
     terminal.warn(*gap_lines(logs[1], which))
     channels = ", ".join(logs[1].channels)
     terminal.tell(f"written: {output} ({channels}; {which} pass, depth steps of {step:g} m)")

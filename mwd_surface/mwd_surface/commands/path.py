@@ -13,9 +13,17 @@ import typer
 
 from mwd_surface import __version__
 from mwd_surface.commands import terminal
-from mwd_surface.commands.list_options import LIST, assigned
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.reference_options import PLACE, Changes, Convergence, Declination, GivenPlace, numbers_in
+from mwd_surface.commands.shared_options import (
+    LIST,
+    PLACE,
+    Changes,
+    Convergence,
+    Declination,
+    GivenPlace,
+    assigned,
+    numbers_in,
+    takes,
+)
 from mwd_surface.commands.sources import survey_list_at
 from mwd_surface.commands.speech import spoken_figure
 from mwd_surface.commands.table_reference import GivenReference, table_reference, table_settings
@@ -106,7 +114,7 @@ def path(
     """
     options = locals()  # must be the first statement, while the options are the only local variables
 
-    from mwd_surface.exports.path_csv import path_csv
+    from mwd_surface.exports.csv_tables import path_csv
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked
     from mwd_surface.surveys.survey_store import encoded
@@ -237,9 +245,9 @@ def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> 
 
     Raises ValueError if declination or convergence for this is unknown.
     """
-    from mwd_surface.exports.comparison_csv import comparison_csv
+    from mwd_surface.exports.csv_tables import comparison_csv
     from mwd_surface.plots.drawing import png
-    from mwd_surface.plots.path_comparison import figure_of
+    from mwd_surface.plots.path_plots import figure_of
     from mwd_surface.trajectory.list_comparison import difference
 
     well = dataclasses.replace(other.well, north_reference=table.surveys.well.north_reference)

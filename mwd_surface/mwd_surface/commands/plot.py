@@ -10,8 +10,7 @@ import typer
 
 from mwd_sensors.core.output_files import write_whole
 from mwd_surface.commands import terminal
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.recording_options import READING, Reading, Recording, input_settings
+from mwd_surface.commands.shared_options import READING, Reading, Recording, input_settings, takes
 from mwd_surface.commands.speech import spoken_figure
 
 

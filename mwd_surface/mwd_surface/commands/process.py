@@ -12,22 +12,25 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands import terminal
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.recording_options import READING, Reading, Recording, input_settings
-from mwd_surface.commands.reference_options import (
+from mwd_surface.commands.shared_options import (
     FIELD_PANEL,
     INPUT_PANEL,
     PLACE,
+    READING,
     Changes,
     Config,
     GivenPlace,
     Mount,
     Precision,
+    Reading,
+    Recording,
     Tool,
     given_settings,
+    input_settings,
     mount_changes,
     placed_settings,
     recording_changes,
+    takes,
     tool_changes,
 )
 

@@ -15,7 +15,6 @@ import typer
 
 from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_surface.commands import terminal
-from mwd_surface.commands.list_options import PlanSet, assigned
 from mwd_surface.commands.run_graph import RunOptions, run_graph
 from mwd_surface.commands.run_options import (
     give_parameters,
@@ -23,6 +22,7 @@ from mwd_surface.commands.run_options import (
     parameter_file,
 )
 from mwd_surface.commands.scenario import Seed, scenario_names
+from mwd_surface.commands.shared_options import PlanSet, assigned
 
 if TYPE_CHECKING:
     from mwd_sensors.simulator.scenario import Scenario
@@ -285,24 +285,14 @@ def _conclude(bag: Path, truth: Path | None, convention: AngleConvention) -> Non
 def _show_scores(scored: list[Scored], convention: AngleConvention) -> None:
     from rich.text import Text
 
-    from mwd_surface.commands.spoken_console import SpokenTable
-    from mwd_surface.commands.survey_table import COLOURS, show_actions
+    from mwd_surface.commands.survey_table import COLOURS, narrow_table, show_actions
 
     if not scored:
         terminal.tell("no survey was taken")
         return
-    table = SpokenTable(
-        title="surveys against the truth (deg, azimuth from true north)",
-        title_justify="left",
-        box=None,
-        padding=(0, 1, 0, 0),
-        header_style="dim",
-    )
     angle = convention.heading if convention.points else "incl"
-    columns = ("nr", "depth m", angle, "error", "azi", "error", "sigma", "true", "uncorr", "corr")
-    for column in columns:
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
+    columns = ("nr", "depth m", angle, "error", "azi", "error", "sigma", "true", "uncorr", "corr", "verdict")
+    table = narrow_table("surveys against the truth (deg, azimuth from true north)", columns)
 
     def deg(value: float | None, sign: str = "") -> str:
         return "-" if value is None else f"{math.degrees(value):{sign}.2f}"

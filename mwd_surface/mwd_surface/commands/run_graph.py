@@ -25,21 +25,13 @@ _POLL = 0.1  # time between two checks of the processes, s
 
 @dataclasses.dataclass(frozen=True)
 class RunOptions:
-    """
-    Options for running the graph.
+    """Options for running the graph."""
 
-    port: port of the page; None: a free port.
-    rig: whether rig interfaces are on.
-    hold: whether the graph continues to run after the scenario.
-    words: ROS arguments for every node.
-    single_process: whether sonde, estimator and surface share one process.
-    """
-
-    port: int | None
-    rig: bool
-    hold: bool
-    words: list[str]
-    single_process: bool
+    port: int | None  #: port of the page; None: a free port
+    rig: bool  #: whether rig interfaces are on
+    hold: bool  #: whether the graph continues to run after the scenario
+    words: list[str]  #: ROS arguments for every node
+    single_process: bool  #: whether sonde, estimator and surface share one process
 
 
 def run_graph(

@@ -12,7 +12,7 @@ import typer
 
 from mwd_sensors.core import settings
 from mwd_sensors.core.settings import SettingsError
-from mwd_surface.commands.reference_options import assignments, flattened
+from mwd_surface.commands.shared_options import assignments, flattened
 from mwd_surface.commands.speech import say
 
 _LEAST_SECRET = 8  # least number of characters of a secret, as required by the page

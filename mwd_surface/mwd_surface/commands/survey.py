@@ -10,8 +10,7 @@ from typing import Annotated
 import typer
 
 from mwd_surface.commands import terminal
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.reference_options import (
+from mwd_surface.commands.shared_options import (
     FIELD_PANEL,
     PLACE,
     Changes,
@@ -19,6 +18,7 @@ from mwd_surface.commands.reference_options import (
     Convergence,
     Declination,
     GivenPlace,
+    takes,
 )
 from mwd_surface.commands.table_reference import GivenReference, RowReference, table_reference, table_settings
 
@@ -75,8 +75,7 @@ def survey(
         show_surveys,
     )
     from mwd_surface.list_files.remark import sentences
-    from mwd_surface.list_files.six_axis_columns import find_columns
-    from mwd_surface.list_files.six_axis_table import read_readings, single_stations, table_rows
+    from mwd_surface.list_files.six_axis_table import find_columns, read_readings, single_stations, table_rows
     from mwd_surface.surveys import survey_csv
     from mwd_surface.surveys.table_run import run_stations, table_surveys
 

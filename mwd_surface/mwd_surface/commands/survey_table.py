@@ -41,12 +41,9 @@ def show_surveys(records: Sequence[SurveyRecord], convention: AngleConvention = 
     """
     first = max(len(records) - _MOST, 0)
     title = ("1 survey" if len(records) == 1 else f"{len(records)} surveys") + (f", the last {_MOST}" if first else "")
-    # With the widest numbers the table just fits the 80 columns of a plain terminal.
-    table = SpokenTable(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), header_style="dim")
     angle = convention.heading if convention.points else "inclination"
-    for name in ("nr", "depth m", angle, "azimuth", "", "toolface", "nT", "dip"):
-        table.add_column(name, justify="left" if not name else "right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
+    columns = ("nr", "depth m", angle, "azimuth", "", "toolface", "nT", "dip", "verdict")
+    table = narrow_table(title, columns)
     for record in records[first:]:
         survey, depth = record.survey, record.measured_depth
         word = Verdict(survey.verdict).word
@@ -69,6 +66,14 @@ def show_surveys(records: Sequence[SurveyRecord], convention: AngleConvention = 
             f"{numbered(off):>4} accepted with total field or dip beyond its limit, because of a wider sigma; if all "
             "stations deviate alike, check place, date and reference"
         )
+
+
+def narrow_table(title: str, names: Sequence[str]) -> SpokenTable:
+    """Return a table of surveys, with the verdict as text on the left, that just fits the 80 columns of a terminal."""
+    table = SpokenTable(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), header_style="dim")
+    for name in names:
+        table.add_column(name, justify="left" if name in ("", "verdict") else "right", no_wrap=True)
+    return table
 
 
 def show_actions(stations: Sequence[tuple[int, str, str]]) -> None:

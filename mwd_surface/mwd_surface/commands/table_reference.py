@@ -10,12 +10,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mwd_surface.commands.reference_options import estimator_settings, field_figures, place_changes
+from mwd_surface.commands.shared_options import estimator_settings, field_figures, place_changes
 
 if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_surface.commands.reference_options import GivenPlace
+    from mwd_surface.commands.shared_options import GivenPlace
 
 # Settings of the place that have no use with a table, by source of the field.
 _BESIDE_A_MODEL = ("total_nt", "dip_deg", "declination_deg", "convergence_deg")

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands import terminal
-from mwd_surface.commands.list_options import LIST, assigned
-from mwd_surface.commands.option_group import takes
+from mwd_surface.commands.shared_options import LIST, assigned, takes
 from mwd_surface.commands.sources import survey_list_at
 from mwd_surface.commands.speech import spoken_figure
 
@@ -63,10 +62,10 @@ def trajectory(
     from mwd_surface.list_files.list_file import is_list
     from mwd_surface.list_files.list_settings import ListSettings
     from mwd_surface.plots.drawing import png
-    from mwd_surface.plots.trajectory_plot import trajectory_plot
+    from mwd_surface.plots.path_plots import trajectory_plot
     from mwd_surface.surveys.survey_source import stretches_of
     from mwd_surface.trajectory.dense_trajectory import dense_trajectory
-    from mwd_surface.trajectory.slide_file import read_stretches
+    from mwd_surface.trajectory.slide_sheet import read_stretches
 
     if continuous is not None and recording is not None:
         raise ValueError("--continuous and --recording: give only one of them")

@@ -11,9 +11,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mwd_surface.commands import terminal
-from mwd_surface.commands.list_options import PlanSet, read_plan_option
-from mwd_surface.commands.option_group import takes
-from mwd_surface.commands.recording_options import READING, Reading, given_names, input_settings
+from mwd_surface.commands.shared_options import (
+    READING,
+    PlanSet,
+    Reading,
+    given_names,
+    input_settings,
+    read_plan_option,
+    takes,
+)
 from mwd_surface.commands.sources import estimated
 
 if TYPE_CHECKING:
@@ -149,8 +155,7 @@ def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
     from mwd_surface.runs.player import recorded_surface
     from mwd_surface.surveys.recorded_settings import recorded_settings
     from mwd_surface.surveys.well import Well
-    from mwd_surface.trajectory.plan import Plan
-    from mwd_surface.trajectory.plan_file import read_plan
+    from mwd_surface.trajectory.plan import Plan, read_plan
 
     if path is not None or said:
         return read_plan_option(path, said)

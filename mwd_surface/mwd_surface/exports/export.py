@@ -6,12 +6,13 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import importlib
+import re
+import unicodedata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mwd_sensors.core.foreign_text import not_a_file_name
 from mwd_sensors.core.output_files import write_whole
-from mwd_surface.exports.export_name import safe_name
 
 if TYPE_CHECKING:
     from mwd_surface.exports.survey_table import SurveyTable
@@ -23,17 +24,13 @@ class ExportError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class Format:
-    """
-    Format of a file: its ending, word for the file name, description, and module and function that make its content.
-
-    of_well: whether the function gets the columns and the head block in the display units of the well.
-    """
+    """Format of a file."""
 
     ending: str
-    word: str
-    what: str
-    writer: tuple[str, str]
-    of_well: bool = False
+    word: str  #: word for the file name
+    what: str  #: description
+    writer: tuple[str, str]  #: module and function that make the content
+    of_well: bool = False  #: whether the function gets the columns and the head block in the display units of the well
 
     @property
     def is_report(self) -> bool:
@@ -64,10 +61,10 @@ def _in_units_of_the_well(table: SurveyTable) -> SurveyTable:
 FORMATS: dict[str, Format] = {
     "html": Format(".html", "report", "survey report, HTML", ("report_html", "report_html")),
     "pdf": Format(".pdf", "report", "survey report, PDF", ("report_pdf", "report_pdf")),
-    "csv": Format(".csv", "definitive", "definitive survey, CSV", ("export_csv", "definitive_csv"), of_well=True),
-    "raw_csv": Format(".csv", "raw", "every survey with six axes, CSV", ("export_csv", "raw_csv_of"), of_well=True),
+    "csv": Format(".csv", "definitive", "definitive survey, CSV", ("csv_tables", "definitive_csv"), of_well=True),
+    "raw_csv": Format(".csv", "raw", "every survey with six axes, CSV", ("csv_tables", "raw_csv_of"), of_well=True),
     "las": Format(".las", "definitive", "definitive survey, LAS 2.0", ("export_las", "las"), of_well=True),
-    "deviation": Format(".csv", "deviation", "deviation from the design, CSV", ("deviation_csv", "deviation_csv")),
+    "deviation": Format(".csv", "deviation", "deviation from the design, CSV", ("csv_tables", "deviation_csv")),
     "dxf": Format(".dxf", "drawing", "plan and section, DXF", ("export_dxf", "dxf")),
     "xlsx": Format(".xlsx", "report", "survey report, workbook", ("export_xlsx", "xlsx")),
     "witsml": Format(
@@ -129,3 +126,32 @@ def export_file(table: SurveyTable, kind: str, folder: str | Path, name: str = "
     except OSError as error:
         raise ExportError(f"{path} could not be written: {error.strerror}") from error
     return path
+
+
+LONGEST = 80  # largest number of bytes of a file name
+# Names that Windows reserves, whatever the ending.
+RESERVED = {"con", "prn", "aux", "nul", *(f"com{k}" for k in range(1, 10)), *(f"lpt{k}" for k in range(1, 10))}
+
+
+def safe_name(*parts: str, longest: int = LONGEST) -> str:
+    """
+    Return one file name made of the parts, without folder and ending.
+
+    Latin letters lose their diacritical marks (Å -> A). Letters and digits of other scripts are kept. Every other
+    character except dot, minus and underscore becomes an underscore. The name is never empty, hidden, reserved or
+    longer than `longest` bytes of UTF-8, because file systems limit the bytes of a name.
+    """
+    words = []
+    for part in parts:
+        letters = (letter for letter in unicodedata.normalize("NFKC", part) if not unicodedata.combining(letter))
+        words.append(re.sub(r"[^\w.-]+", "_", "".join(map(_plain, letters))).strip("._-"))
+    name = "-".join(w for w in words if w).encode()[:longest].decode(errors="ignore").strip("._-")
+    if not name:
+        return "unnamed"
+    return f"_{name}" if name.split(".")[0].lower() in RESERVED else name
+
+
+def _plain(letter: str) -> str:
+    """Return a Latin letter without its diacritical marks; any other character unchanged."""
+    bare = unicodedata.normalize("NFKD", letter)[0]
+    return bare if bare.isascii() else letter

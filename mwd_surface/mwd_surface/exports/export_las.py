@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import datetime as dt
 import io
-import re
 
 import numpy as np
 
@@ -17,11 +16,11 @@ from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.list_files.remark import sentences
+from mwd_surface.logs.log_files import as_value, las_of
 from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
 from mwd_surface.surveys.imported_list import provenance_of
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, SURVEY, TIE_ON
 
-NULL = -999.25  # number for an unknown value
 # Number of each verdict in the Survey message, by its word.
 _VERDICTS = {verdict.word: int(verdict) for verdict in Verdict}
 _VERDICT_WORDS = ", ".join(f"{number} {word}" for word, number in _VERDICTS.items())
@@ -35,30 +34,20 @@ def las(table: SurveyTable) -> str:
     composition of the azimuth. KIND is the kind of station: 0 tie-on, 1 survey, 2 projected to the bit, 3 assumed
     tie-on, because none was given. The last curve, ASMD, is 1 if depths and positions are based on an assumption.
     """
-    import lasio
+    from lasio import HeaderItem
 
-    well = table.surveys.well
-    file = lasio.LASFile()
-    item = lasio.HeaderItem
+    file = las_of(table.surveys.well)
     moment = dt.datetime.fromtimestamp(table.made_ns // 10**9, tz=dt.UTC)
-    for mnemonic, value, descr in (
-        ("WELL", well.name, "WELL"),
-        ("COMP", well.company, "COMPANY"),
-        ("FLD", well.field, "FIELD"),
-        ("SRVC", well.service_company, "SERVICE COMPANY"),
-        ("DATE", f"{moment:%Y-%m-%d}", "DATE OF THE FILE, UTC"),
-    ):
-        file.well[mnemonic] = item(mnemonic, value=as_value(value), descr=descr)
-    file.well["NULL"].value = NULL
+    file.well["DATE"] = HeaderItem("DATE", value=f"{moment:%Y-%m-%d}", descr="DATE OF THE FILE, UTC")
     for k, (label, value) in enumerate(table.header, start=1):
-        file.params.append(item(f"H{k:02d}", value=as_value(value), descr=as_value(label)))
+        file.params.append(HeaderItem(f"H{k:02d}", value=as_value(value), descr=as_value(label)))
     for k, why in enumerate(table.left_out, start=1):
-        file.params.append(item(f"X{k:02d}", value=as_value(why), descr="LEFT OUT"))
+        file.params.append(HeaderItem(f"X{k:02d}", value=as_value(why), descr="LEFT OUT"))
     assumptions = sentences(table.path.assumptions)
     for k, remark in enumerate(table.remarks, start=1):
         # A remark about assumed stations, which have 1 in the curve ASMD, gets the description ASSUMED.
         descr = "ASSUMED" if remark in assumptions else "REMARK"
-        file.params.append(item(f"A{k:02d}", value=as_value(remark), descr=descr))
+        file.params.append(HeaderItem(f"A{k:02d}", value=as_value(remark), descr=descr))
     file.other = "\n".join(provenance_of(table.surveys, table.path.leg).lines())
     formats: dict[int, str] = {}
     for column in table.columns:
@@ -109,9 +98,3 @@ def _azimuth_sources(table: SurveyTable) -> list[tuple[str, int, str, Array]]:
         ("GYSH", 3, "share of the gyro in the azimuth, 0 to 1", np.where(known, shares, np.nan)),
         ("AXCO", 0, "axial interference corrected, 0 no, 1 yes", np.where(known, axial, np.nan)),
     ]
-
-
-def as_value(text: str) -> str:
-    """Return a text as a value for a LAS header line: a colon before a space becomes a comma."""
-    # A colon before a space separates value and description in LAS, so replace it; a colon in a time remains.
-    return re.sub(r"\s*:\s+", ", ", text)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from mwd_surface.clearance.clearance import Clearance, ClearanceLevel
-from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, planned_rows, well_clearance
+from mwd_surface.clearance.offset_wells import WellClearance, offset_wells_of, planned_rows, well_clearance
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, Section, Sheet, sheet_of
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.plots.clearance_plots import ladder, plan_view, travelling_cylinder

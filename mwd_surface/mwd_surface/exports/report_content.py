@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Content of the survey report without its layout: head, sections in printed order, certificate."""
+"""Content of the survey report without its layout: head, certificate, and the sections about the path of the hole."""
 
 from __future__ import annotations
 
@@ -13,22 +13,30 @@ import numpy as np
 from mwd_estimation.survey.survey import Verdict
 from mwd_sensors.core import budgets, earth
 from mwd_sensors.core.input_files import read_file
-from mwd_surface.exports.report_check_shots import repeated
-from mwd_surface.exports.report_decisions import decisions, slides, verdicts
-from mwd_surface.exports.report_hole import branched, closed, deviation
 from mwd_surface.exports.report_plots import ELLIPSE_SIGMAS, plan_view, section_view
-from mwd_surface.exports.report_quality import azimuths, row_mark, run_quality, stations
-from mwd_surface.exports.report_section import Drawing, Section, Sheet, sheet_of
+from mwd_surface.exports.report_section import DOUBTFUL as DOUBTFUL_TINT
+from mwd_surface.exports.report_section import GOOD, REJECT, Drawing, Section, Sheet, table_section
+from mwd_surface.exports.report_surveys import (
+    azimuths,
+    decisions,
+    repeated,
+    row_mark,
+    run_quality,
+    slides,
+    stations,
+    verdicts,
+)
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.exports.trajectory_files import summary
 from mwd_surface.signals.cells import fixed, plain, typed
+from mwd_surface.surveys.branches import branches
+from mwd_surface.surveys.closure import CONSISTENT, DOUBTFUL, INCONSISTENT
+from mwd_surface.surveys.deviation import is_ahead
+from mwd_surface.surveys.leg import MAIN
 from mwd_surface.surveys.well_position import programme_of
 from mwd_surface.trajectory.dense_trajectory import STATION, dense_trajectory
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED
 from mwd_surface.uncertainty.programme import ProgrammeError
-
-# Sections of the report with the map position of every station, and with the survey programme.
-
 
 _DEG = 180.0 / math.pi
 
@@ -75,8 +83,7 @@ def positions(table: SurveyTable) -> Section | None:
         *(("Easting", "m (grid)"), ("Northing", "m (grid)"), ("Above sea level", "m")),
     )
     legend = f"WGS84; map grid {head.name}."
-    sheet = sheet_of("Place of every station on the map", columns, rows, legend=legend)
-    return Section(sheet.heading, sheets=(sheet,))
+    return table_section("Place of every station on the map", columns, rows, legend=legend)
 
 
 def programme(table: SurveyTable) -> Section | None:
@@ -107,11 +114,7 @@ def programme(table: SurveyTable) -> Section | None:
         *(("From", "m"), ("To", "m"), ("Tool code", ""), ("Tool code by method", "")),
         *(("Leg", ""), ("Run", ""), ("Sigmas from", "")),
     )
-    sheet = sheet_of("Survey programme", columns, rows)
-    return Section(sheet.heading, sheets=(sheet,))
-
-
-# Section with the high-density trajectory: the hole between the stations according to the slide sheet.
+    return table_section("Survey programme", columns, rows)
 
 
 _COLUMNS = (
@@ -133,15 +136,11 @@ def high_density(table: SurveyTable) -> Section | None:
     for k in np.flatnonzero([source == STATION for source in found.source]):
         down, (north, east, apart) = found.positions[k, 2], found.differences[k]
         rows.append(tuple(fixed(float(value), 2) for value in (found.md[k], down - apart, down, apart, north, east)))
-    sheet = sheet_of("High-density trajectory", _COLUMNS, rows)
-    what = (
+    text = (
         "For comparison, not the definitive survey: the dogleg of each interval is assigned to the stretches where the"
+        f" string slid according to the slide sheet, instead of an even arc. {summary(found)}."
     )
-    return Section(
-        sheet.heading,
-        (f"{what} string slid according to the slide sheet, instead of an even arc. {summary(found)}.",),
-        sheets=(sheet,),
-    )
+    return table_section("High-density trajectory", _COLUMNS, rows, text=(text,))
 
 
 # Titles of the signatures for an oil or gas well, and for a mine hole.
@@ -255,14 +254,9 @@ def definitive(table: SurveyTable) -> Section:
         name = str(record.survey.sequence) if record is not None else kind
         rows.append((name, *(c.cell(k, paper=True) for c in shown), "; ".join(record.flags) if record else ""))
         marks.append(kind if kind in (PROJECTED, ASSUMED) else row_mark(record))
-    sheet = sheet_of(
-        "Definitive survey",
-        (("Survey", ""), *((c.listed.title, c.unit) for c in shown), ("Flags", "")),
-        rows,
-        marks,
-        legend="Shaded lines: projected or assumed, not surveyed, or used by manual decision." if any(marks) else "",
-    )
-    return Section(sheet.heading, sheets=(sheet,))
+    columns = (("Survey", ""), *((c.listed.title, c.unit) for c in shown), ("Flags", ""))
+    legend = "Shaded lines: projected or assumed, not surveyed, or used by manual decision." if any(marks) else ""
+    return table_section("Definitive survey", columns, rows, marks, legend=legend)
 
 
 def drawn(table: SurveyTable) -> Section:
@@ -284,6 +278,117 @@ def drawn(table: SurveyTable) -> Section:
             Drawing(f"Vertical section, azimuth {azimuth}", lambda: section_view(table)),
         ),
     )
+
+
+def deviation(table: SurveyTable) -> Section | None:
+    """
+    Return the section with the rod table of a mine hole.
+
+    None without a design, or for a well with inclination from the vertical.
+    """
+    angles, rows = table.surveys.well.angles, table.deviations
+    if not angles.points or not rows:
+        return None
+    several = len(table.surveys.legs) > 1
+    columns = (
+        *(
+            ("Survey", ""),
+            *((("Leg", ""),) if several else ()),
+            ("Depth", "m"),
+            (angles.heading, "deg"),
+            ("Azi", "deg"),
+        ),
+        *(("Right of design", "m"), ("1σ", "m"), ("Above design", "m"), ("1σ", "m")),
+        *(("x, north", "m"), ("y, east", "m"), ("z, up", "m")),
+    )
+    cells = [
+        (
+            row.station or ("ahead" if is_ahead(row) else row.kind),
+            *((_leg(row.leg),) if several else ()),
+            fixed(row.measured_depth, 2),
+            fixed(angles.shown(row.inclination) * _DEG, 2),
+            fixed(row.azimuth * _DEG, 2, 360.0),
+            fixed(row.right, 2),
+            fixed(row.sigma_right, 2),
+            fixed(row.up, 2),
+            fixed(row.sigma_up, 2),
+            *(fixed(value, 2) for value in (row.x, row.y, row.z)),
+        )
+        for row in rows
+    ]
+    marks = [PROJECTED if is_ahead(row) or row.kind == PROJECTED else "" for row in rows]
+    legend = (
+        "Across the design, looking along the hole: negative is left of or below the design. Shaded lines were not "
+        "surveyed; ahead of the bit the hole is continued straight."
+    )
+    return table_section("Rod table and deviation from the design", columns, cells, marks, legend=legend)
+
+
+def branched(table: SurveyTable) -> Section | None:
+    """
+    Return the section with the branches of a mine hole: depth where each branch leaves its parent, and its end.
+
+    None without branches, or for a well with inclination from the vertical.
+    """
+    well, found = table.surveys.well, branches(table.surveys)
+    if not well.angles.points or not found:
+        return None
+    columns = (
+        *(("Branch", ""), ("Leaves", ""), ("At depth", "m"), (well.angles.heading, "deg"), ("Azi", "deg")),
+        *(("x, north", "m"), ("y, east", "m"), ("z, up", "m"), ("Reaches", "m")),
+    )
+    cells = []
+    for one in found:
+        north, east, down = one.position
+        x, y, z = well.mine.opening
+        cells.append(
+            (
+                _leg(one.name),
+                _leg(one.parent),
+                fixed(one.measured_depth, 2),
+                fixed(well.angles.shown(one.inclination) * _DEG, 2),
+                fixed(one.azimuth * _DEG, 2, 360.0),
+                *(fixed(value, 2) for value in (x + north, y + east, z - down)),
+                fixed(one.end, 2),
+            )
+        )
+    legend = "The path of a branch begins on the path of the leg that it leaves."
+    return table_section("Branches", columns, cells, legend=legend)
+
+
+def closed(table: SurveyTable) -> Section | None:
+    """Return the section with the closure of a mine hole on its surveyed point; None if no point is given."""
+    found = table.closure
+    if found is None:
+        return None
+    columns = (
+        *(("Leg", ""), ("Depth", "m"), ("Right", "m"), ("1σ", "m"), ("Above", "m"), ("1σ", "m"), ("Along", "m")),
+        *(("1σ", "m"), ("Distance", "m"), ("Point, 1σ", "m"), ("By chance", "%"), ("Closure", "")),
+    )
+    numbers = (
+        *(found.measured_depth, found.right, found.sigma_right, found.up, found.sigma_up),
+        *(found.along, found.sigma_along, found.distance, found.sigma_point),
+    )
+    cells = (_leg(found.leg), *(fixed(value, 2) for value in numbers), fixed(100.0 * found.probability, 2))
+    tint = {CONSISTENT: GOOD, DOUBTFUL: DOUBTFUL_TINT, INCONSISTENT: REJECT}.get(found.verdict)
+    legend = (
+        "Position of the computed path minus that of the surveyed point, looking along the hole: negative numbers lie "
+        "to the left, below, or short of the point. 1σ is that of the path. The closure is consistent if an error of "
+        "this size comes by chance in more than one of a hundred holes, and not consistent below one of a thousand."
+    )
+    return table_section(
+        "Closure on the surveyed point",
+        columns,
+        [(*cells, found.verdict)],
+        tints={(0, len(columns) - 1): tint} if tint else {},
+        legend=legend,
+        text=(f"{found.note}.",) if found.note else (),
+    )
+
+
+def _leg(name: str) -> str:
+    """Return the name of a leg; the name of the main leg is a word of the program, and therefore translated."""
+    return name if name == MAIN else typed(name)
 
 
 # Functions that make the sections, in printed order; a function returns None if its section would be empty.

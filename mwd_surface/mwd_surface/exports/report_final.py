@@ -13,7 +13,7 @@ from mwd_sensors.core.angle_convention import AngleConvention
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.report_section import Drawing, Section, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable
-from mwd_surface.plots.path_comparison import end_ellipses, figure_of
+from mwd_surface.plots.path_plots import end_ellipses, figure_of
 from mwd_surface.signals.cells import fixed, typed
 from mwd_surface.surveys.final_list import FinalList, Overlap
 from mwd_surface.trajectory.list_comparison import PathDifference, covariance_between

@@ -15,8 +15,7 @@ from mwd_surface.exports.report_edge import for_people
 from mwd_surface.exports.report_section import TINTS, Drawing, Section, Sheet
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.language.language import language
-from mwd_surface.plots import fonts
-from mwd_surface.plots.drawing import png
+from mwd_surface.plots import drawing
 
 if TYPE_CHECKING:
     from fpdf.fonts import FontFace
@@ -56,11 +55,11 @@ def report_pdf(table: SurveyTable) -> bytes:
     said = language(well.language)
     report = for_people(content(table), said, well.units)
     title = report.title
-    if without := fonts.lacking((report.certificate,)):
-        raise ValueError(f"well.language: no font has the characters {without[:20]} of the report: {fonts.HOW}")
+    if without := drawing.lacking((report.certificate,)):
+        raise ValueError(f"well.language: no font has the characters {without[:20]} of the report: {drawing.HOW}")
 
     # The font with Chinese characters has only a regular weight: bold texts get thicker outlines.
-    wide = fonts.needs_wide(report.words())
+    wide = drawing.needs_wide(report.words())
 
     class Page(FPDF):  # type: ignore[misc]
         """Pages with the title and the page number."""
@@ -86,10 +85,10 @@ def report_pdf(table: SurveyTable) -> bytes:
             self.cell(0, 5, said.say(f"page {self.page_no()} of {{nb}}"), align="R")
 
     pdf = Page(orientation="landscape", format="A4")
-    main, bold = fonts.main_font(), fonts.main_font(bold=True)
+    main, bold = drawing.main_font(), drawing.main_font(bold=True)
     if wide:
         # Use one font for all texts: fpdf2 2.8 prints wrong glyphs if the font changes within a cell of two lines.
-        first, *others = fonts.wide_fonts()
+        first, *others = drawing.wide_fonts()
         spares = {f"{_SPARE}{k}": path for k, path in enumerate((main, *others))}
         for name, path in spares.items():
             pdf.add_font(name, "", path)
@@ -211,7 +210,7 @@ def _drawings(pdf: Any, placed: Sequence[_Placed]) -> None:
         pdf.set_xy(10.0 + column * (_NARROW + 8.0), top)
         pdf.set_font(_FONT, "", 8)
         pdf.cell(one.width, _CAPTION - 1.0, one.drawing.caption, new_x="LEFT", new_y="NEXT")
-        pdf.image(io.BytesIO(png(one.figure, 160)), w=one.width)
+        pdf.image(io.BytesIO(drawing.png(one.figure, 160)), w=one.width)
         one.figure.clear()
         pdf.set_xy(10.0, top + one.height + 2.0)
         column = 0 if wide or column else 1

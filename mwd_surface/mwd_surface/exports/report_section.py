@@ -23,23 +23,18 @@ TINTS = {GOOD: "#dff0e6", DOUBTFUL: "#ffe8a3", REJECT: "#f6b8a2"}
 
 @dataclasses.dataclass(frozen=True)
 class Sheet:
-    """
-    One table: heading, column titles and units, and rows of texts.
-
-    marks: for each row, "" or the reason why the row is highlighted ("projected", "not used", "by hand").
-    words: indices of the columns that contain text and are aligned left.
-    tints: tint of single cells, by row and column; a key of `TINTS`.
-    legend: meaning of tints and marks, printed below the table.
-    """
+    """One table: heading, column titles and units, and rows of texts."""
 
     heading: str
     titles: tuple[str, ...]
     units: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    #: for each row, "" or the reason why the row is highlighted ("projected", "not used", "by hand")
     marks: tuple[str, ...]
-    words: tuple[int, ...] = ()
+    words: tuple[int, ...] = ()  #: indices of the columns that contain text and are aligned left
+    #: tint of single cells, by row and column; a key of `TINTS`
     tints: Mapping[tuple[int, int], str] = dataclasses.field(default_factory=dict)
-    legend: str = ""
+    legend: str = ""  #: meaning of tints and marks, printed below the table
 
 
 def sheet_of(
@@ -78,14 +73,24 @@ class Drawing:
 
 @dataclasses.dataclass(frozen=True)
 class Section:
-    """
-    Section of the report: heading, sentences, tables and drawings.
-
-    page: whether the section begins on a new page.
-    """
+    """Section of the report: heading, sentences, tables and drawings."""
 
     heading: str
     text: tuple[str, ...] = ()
     sheets: tuple[Sheet, ...] = ()
     drawings: tuple[Drawing, ...] = ()
-    page: bool = False
+    page: bool = False  #: whether the section begins on a new page
+
+
+def table_section(
+    heading: str,
+    columns: Sequence[tuple[str, str]],
+    rows: Sequence[tuple[str, ...]],
+    marks: Sequence[str] = (),
+    *,
+    tints: Mapping[tuple[int, int], str] | None = None,
+    legend: str = "",
+    text: Sequence[str] = (),
+) -> Section:
+    """Return a section of one table with the same heading; text: sentences above it. Other arguments as `sheet_of`."""
+    return Section(heading, tuple(text), (sheet_of(heading, columns, rows, marks, tints=tints, legend=legend),))

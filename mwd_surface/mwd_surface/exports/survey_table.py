@@ -73,36 +73,23 @@ class TableColumn:
 
 @dataclasses.dataclass(frozen=True)
 class SurveyTable:
-    """
-    All data that an export prints.
+    """All data that an export prints."""
 
-    surveys, path: source of the table.
-    records: survey record of each station, None for tie-ons and the projection.
-    header: labels and values of the head block.
-    covariance: of the stations' positions, shape (n, 3, 3), m^2, or None.
-    covariance_note: name of the error model, or the reason why the covariance is unknown.
-    columns: numbers of the stations, in the units of `display`.
-    left_out: sentences about stations and surveys that could not be printed.
-    made_ns: time when the table was requested, ns since the epoch.
-    stretches: the slide sheet.
-    sections: further sections of the report, with data that are not part of the list.
-    final: whether this is the final list of a well.
-    """
-
+    #: `surveys`, `path`: source of the table
     surveys: SurveyList
     path: Definitive
-    records: tuple[SurveyRecord | None, ...]
-    columns: tuple[TableColumn, ...]
-    header: tuple[tuple[str, str], ...]
-    covariance: Array | None
-    covariance_note: str
+    records: tuple[SurveyRecord | None, ...]  #: survey record of each station, None for tie-ons and the projection
+    columns: tuple[TableColumn, ...]  #: numbers of the stations, in the units of `display`
+    header: tuple[tuple[str, str], ...]  #: labels and values of the head block
+    covariance: Array | None  #: of the stations' positions, shape (n, 3, 3), m^2, or None
+    covariance_note: str  #: name of the error model, or the reason why the covariance is unknown
     plan: Plan | None
-    left_out: tuple[str, ...]
-    made_ns: int
-    stretches: tuple[DrilledStretch, ...] = ()
-    sections: tuple[Section, ...] = ()
+    left_out: tuple[str, ...]  #: sentences about stations and surveys that could not be printed
+    made_ns: int  #: time when the table was requested, ns since the epoch
+    stretches: tuple[DrilledStretch, ...] = ()  #: the slide sheet
+    sections: tuple[Section, ...] = ()  #: further sections of the report, with data that are not part of the list
     display: Display = AS_STORED
-    final: bool = False
+    final: bool = False  #: whether this is the final list of a well
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -201,12 +201,16 @@ def write(
     return written
 
 
+def _cells(row: SeriesRow) -> dict[str, str]:
+    """Return the rounded numbers of a row as text by column, the same for every kind of file."""
+    return {q.key: fixed(row.values.get(q.key), q.decimals, q.wrap) for q in QUANTITIES}
+
+
 def _write_csv(path: Path, lines: Iterator[SeriesRow]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(",".join(COLUMNS) + "\n")
         for row in lines:
-            cells = (fixed(row.values.get(q.key), q.decimals, q.wrap) for q in QUANTITIES)
-            file.write(",".join((row.time, *cells, row.north)) + "\n")
+            file.write(",".join((row.time, *_cells(row).values(), row.north)) + "\n")
 
 
 def _write_parquet(path: Path, lines: Iterator[SeriesRow]) -> None:
@@ -228,9 +232,7 @@ def _write_parquet(path: Path, lines: Iterator[SeriesRow]) -> None:
             batch.clear()
 
         for row in lines:
-            # Use the rounded numbers of the CSV file, so that both files agree.
-            cells = {q.key: fixed(row.values.get(q.key), q.decimals, q.wrap) for q in QUANTITIES}
-            numbers = {key: float(text) if text else None for key, text in cells.items()}
+            numbers = {key: float(text) if text else None for key, text in _cells(row).items()}
             batch.append({COLUMNS[0]: row.time, **numbers, COLUMNS[-1]: row.north or None})
             if len(batch) == _BATCH:
                 flush()

@@ -7,8 +7,8 @@ import io
 
 import numpy as np
 
-from mwd_surface.exports.export_las import as_value
 from mwd_surface.list_files.remark import sentences
+from mwd_surface.logs.log_files import as_value
 from mwd_surface.signals.cells import table
 from mwd_surface.surveys.imported_list import provenance_of
 from mwd_surface.surveys.survey_list import SurveyList

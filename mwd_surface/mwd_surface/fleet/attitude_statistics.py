@@ -27,6 +27,8 @@ FLAGS = (
 _SUMS = ("samples", "inclination", "sigma_inclination", "known", "sin", "cos", "sigma_azimuth", "azimuth_known")
 _MOTION = ("rotary_speed", "non_gravity_squared")
 _NAMES = (*_SUMS, *_MOTION, *(flag.name or "" for flag in FLAGS))
+#: Columns of a row that are shares of the samples, by status bit.
+SHARES = {flag: f"share_{(flag.name or '').lower()}" for flag in FLAGS}
 
 
 class AttitudeStatistics:
@@ -90,5 +92,5 @@ class AttitudeStatistics:
             "sigma_azimuth_deg": mean_deg("sigma_azimuth", azimuth_known),
             "rotary_speed_rpm": of["rotary_speed"] / samples * 60.0 / math.tau,
             "non_gravity_mps2": math.sqrt(of["non_gravity_squared"] / samples),
-            **{f"share_{(flag.name or '').lower()}": of[flag.name or ""] / samples for flag in FLAGS},
+            **{name: of[flag.name or ""] / samples for flag, name in SHARES.items()},
         }

@@ -20,9 +20,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as parquet
 
-from mwd_estimation.core.status import Status
 from mwd_sensors.core.input_files import open_regular
-from mwd_surface.fleet.attitude_statistics import FLAGS
+from mwd_surface.fleet.attitude_statistics import SHARES
 from mwd_surface.signals.table import SURVEY_TABLE
 
 TABLES = ("attitude", "surveys", "bags")
@@ -31,12 +30,11 @@ _CHUNK = 1 << 20  # bytes that are read at a time
 _TYPES = {"Double": pa.float64(), "Int64": pa.int64(), "Boolean": pa.bool_(), "String": pa.string()}
 # First columns of every table, which identify the recording.
 _WHERE = [("key", pa.string()), ("bag", pa.string()), ("well", pa.string())]
-
-
-def _flag(status: Status) -> str:
-    return f"share_{(status.name or '').lower()}"
-
-
+# Columns of the table `attitude` with real numbers.
+_ATTITUDE = (
+    *("inclination_deg", "inclination_lowest_deg", "inclination_highest_deg", "sigma_inclination_deg"),
+    *("azimuth_deg", "sigma_azimuth_deg", "rotary_speed_rpm", "non_gravity_mps2", *SHARES.values()),
+)
 SCHEMAS = {
     "bags": pa.schema(
         [
@@ -69,27 +67,9 @@ SCHEMAS = {
             ("elapsed_s", pa.float64()),
         ]
     ),
-    "surveys": pa.schema(
-        [
-            *_WHERE,
-            *((listed.key, _TYPES[signal.type]) for signal, listed in SURVEY_TABLE),
-        ]
-    ),
+    "surveys": pa.schema([*_WHERE, *((listed.key, _TYPES[signal.type]) for signal, listed in SURVEY_TABLE)]),
     "attitude": pa.schema(
-        [
-            *_WHERE,
-            ("start_ns", pa.int64()),
-            ("samples", pa.int64()),
-            ("inclination_deg", pa.float64()),
-            ("inclination_lowest_deg", pa.float64()),
-            ("inclination_highest_deg", pa.float64()),
-            ("sigma_inclination_deg", pa.float64()),
-            ("azimuth_deg", pa.float64()),
-            ("sigma_azimuth_deg", pa.float64()),
-            ("rotary_speed_rpm", pa.float64()),
-            ("non_gravity_mps2", pa.float64()),
-            *((_flag(flag), pa.float64()) for flag in FLAGS),
-        ]
+        [*_WHERE, ("start_ns", pa.int64()), ("samples", pa.int64()), *((name, pa.float64()) for name in _ATTITUDE)]
     ),
 }
 

@@ -34,34 +34,23 @@ from mwd_surface.surveys.survey_csv import list_cells
 
 @dataclasses.dataclass(frozen=True)
 class FleetWork:
-    """
-    Recording to process, with the settings for it.
+    """Recording to process, with the settings for it."""
 
-    bag: path of the recording.
-    folder: folder of the data set.
-    config: settings of the estimator as YAML, so that all workers use the same settings.
-    given: settings for reading the recording.
-    changes: changes to the settings that the recording contains, as YAML; if it is empty, `config` is used for every
-    recording.
-    """
-
-    bag: str
-    folder: str
-    config: str
-    given: InputSettings
+    bag: str  #: path of the recording
+    folder: str  #: folder of the data set
+    config: str  #: settings of the estimator as YAML, so that all workers use the same settings
+    given: InputSettings  #: settings for reading the recording
+    #: changes to the settings that the recording contains, as YAML; if it is empty, `config` is used for every
+    #: recording
     changes: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """
-    Outcome of a recording: its row of the table `bags`, and whether an earlier run had written the row.
-
-    key: key of the results; empty if the recording could not be read.
-    """
+    """Outcome of a recording: its row of the table `bags`, and whether an earlier run had written the row."""
 
     bag: str
-    key: str
+    key: str  #: key of the results; empty if the recording could not be read
     row: dict[str, Any]
     kept: bool = False
 

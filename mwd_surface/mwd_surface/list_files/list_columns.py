@@ -16,6 +16,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 
 from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.number_cells import words_of
 
 NEEDED = ("md", "inclination", "azimuth")
 # Reference values in lists written by this program, with their factor to T and m/s^2; None for angles.
@@ -36,25 +37,19 @@ CONFIRMABLE = ("dogleg", "wellhead", "depth")
 
 # Units of length by their names, with factors to m. The US survey foot is 1200/3937 m.
 LENGTH_UNITS = {
-    **dict.fromkeys(
-        ("m", "meter", "metre", "meters", "metres", "mtr", "mtrs", "米", "м", "метр", "метры", "metros", "metri"), 1.0
-    ),
-    **dict.fromkeys(
-        ("ft", "f", "feet", "foot", "fti", "ift", "international feet", "intl feet", "英尺", "pies", "pieds", "fuss"),
-        0.3048,
-    ),
-    **dict.fromkeys(
-        (
-            *("ftus", "usft", "us ft", "ft us", "usfeet", "us feet", "feet us", "us foot", "survey feet", "survey ft"),
-            *("us survey feet", "us survey foot", "us survey ft", "survey foot", "ftus survey", "sft", "ussft"),
-        ),
-        1200.0 / 3937.0,
-    ),
-    **dict.fromkeys(("km", "kilometer", "kilometers", "kilometre", "kilometres", "км"), 1000.0),
-    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 0.01),
-    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
-    **dict.fromkeys(("inch", "inches"), 0.0254),
-    **dict.fromkeys(("yd", "yds", "yard", "yards"), 0.9144),
+    name: factor
+    for names, factor in (
+        ("m|meter|metre|meters|metres|mtr|mtrs|米|м|метр|метры|metros|metri", 1.0),
+        ("ft|f|feet|foot|fti|ift|international feet|intl feet|英尺|pies|pieds|fuss", 0.3048),
+        ("ftus|usft|us ft|ft us|usfeet|us feet|feet us|us foot|survey feet|survey ft|us survey feet", 1200.0 / 3937.0),
+        ("us survey foot|us survey ft|survey foot|ftus survey|sft|ussft", 1200.0 / 3937.0),
+        ("km|kilometer|kilometers|kilometre|kilometres|км", 1000.0),
+        ("cm|centimeter|centimeters|centimetre|centimetres", 0.01),
+        ("mm|millimeter|millimeters|millimetre|millimetres", 0.001),
+        ("inch|inches", 0.0254),
+        ("yd|yds|yard|yards", 0.9144),
+    )
+    for name in names.split("|")
 }
 # Units of lengths and angles that only WITSML uses, with their factors to m and rad. Source: Energistics Unit of
 # Measure Standard 1.0; the old feet from the EPSG dataset.
@@ -98,57 +93,19 @@ ENERGISTICS_UNITS = {
 }
 ENERGISTICS_ANGLES = frozenset(["mrad", "urad", "mina", "seca", "min[angl]", "sec[angl]", "cgr", "c", "rev", "rot"])
 ANGLE_UNITS = {
-    **dict.fromkeys(
-        (
-            *("deg", "dega", "degs", "degree", "degrees", "decimal degrees", "dd", "度", "grader", "graden", "grados"),
-            *("graus", "gradi", "degre", "degres", "град", "градус", "градусы"),
-        ),
-        math.pi / 180.0,
-    ),
-    **dict.fromkeys(("rad", "rads", "radian", "radians", "弧度"), 1.0),
-    **dict.fromkeys(("grad", "gon", "grads", "gradians", "gons", "gradian"), math.pi / 200.0),
+    name: factor
+    for names, factor in (
+        ("deg|dega|degs|degree|degrees|decimal degrees|dd|度|grader|graden|grados|graus|gradi", math.pi / 180.0),
+        ("degre|degres|град|градус|градусы", math.pi / 180.0),
+        ("rad|rads|radian|radians|弧度", 1.0),
+        ("grad|gon|grads|gradians|gons|gradian", math.pi / 200.0),
+    )
+    for name in names.split("|")
 }
 # Names of depth datums, and other words after a unit or depth that do not change its meaning.
-_DATUMS = frozenset(
-    [
-        "kb",
-        "rkb",
-        "rt",
-        "drt",
-        "brt",
-        "bkb",
-        "bdf",
-        "df",
-        "rte",
-        "dfe",
-        "kbe",
-        "gl",
-        "rotary",
-        "table",
-        "kelly",
-        "bushing",
-        "bushings",
-        "floor",
-        "drill",
-        "derrick",
-        "md",
-        "tvd",
-        "ah",
-        "along",
-        "hole",
-        "below",
-        "from",
-        "datum",
-        "zdp",
-        "mdrkb",
-        "mdkb",
-        "mdrt",
-        "mdbrt",
-        "tvdrkb",
-        "tvdkb",
-        "tvdrt",
-        "tvdbrt",
-    ]
+_DATUMS = words_of(
+    "kb|rkb|rt|drt|brt|bkb|bdf|df|rte|dfe|kbe|gl|rotary|table|kelly|bushing|bushings|floor|drill|derrick|md|tvd|ah|"
+    "along|hole|below|from|datum|zdp|mdrkb|mdkb|mdrt|mdbrt|tvdrkb|tvdkb|tvdrt|tvdbrt"
 )
 _NORTH_WORDS = {
     **dict.fromkeys(("true", "tn", "geographic", "geo", "truenorth", "vrai", "wahr", "真", "真北", "真方位"), "true"),
@@ -161,56 +118,16 @@ _NORTH_STEMS = {
     **dict.fromkeys(("gitter", "rutenett", "cuadricul", "quadricul", "quadrill", "дирекцион", "картограф"), "grid"),
     **dict.fromkeys(("magnet", "missweisend", "магнит"), "magnetic"),
 }
-_DENIALS = frozenset(["not", "no", "non", "never", "without", "uncorrected", "nicht", "ohne"])
+_DENIALS = words_of("not|no|non|never|without|uncorrected|nicht|ohne")
 _CORRECTED = ("declin", "uncorrect", "converg", "磁偏角", "收敛角")
 _LETTERS = {"t": "true", "g": "grid", "m": "magnetic"}  # letters after the unit of an azimuth
 # Words that do not change the meaning of a column name.
-_FILLERS = frozenset(
-    [
-        "in",
-        "survey",
-        "svy",
-        "station",
-        "bh",
-        "drillhole",
-        "drill",
-        "sta",
-        "stn",
-        "borehole",
-        "wellbore",
-        "hole",
-        "well",
-        "angle",
-        "corrected",
-        "corr",
-        "cor",
-        "final",
-        "value",
-        "reading",
-        "point",
-        "the",
-        "of",
-        "at",
-        "to",
-        "north",
-        "rel",
-        "relative",
-        "referenced",
-        "reference",
-        "ref",
-        "decimal",
-        "actual",
-        "measured",
-        "calculated",
-        "calc",
-        "computed",
-        "vertical",
-        "down",
-        "positive",
-        "角",
-    ]
+_FILLERS = words_of(
+    "in|survey|svy|station|bh|drillhole|drill|sta|stn|borehole|wellbore|hole|well|angle|corrected|corr|cor|final|"
+    "value|reading|point|the|of|at|to|north|rel|relative|referenced|reference|ref|decimal|actual|measured|calculated|"
+    "calc|computed|vertical|down|positive|角"
 )
-_HORIZONTAL = frozenset(["horizontal", "horiz", "horizon", "hor", "水平", "水平面"])
+_HORIZONTAL = words_of("horizontal|horiz|horizon|hor|水平|水平面")
 _WORDS = {
     "md": (
         "md|measured depth|meas depth|m depth|mdepth|depth|dept|depth md|along hole depth|ahd|tmd|dmd|survey depth|"
@@ -309,15 +226,10 @@ _OTHERS = re.compile(
     r"method|raw|quality|status|comment|remark|note|name|number|index|declination|convergence|ellipse"
 )
 _LENGTHS = ("md", "tvd", "north", "east", "map_north", "map_east")
-_SUBSEA = frozenset(["ss", "tvdss", "mtvdss", "subsea", "sub", "sea", "msl", "mtvd", "lat"])
+_SUBSEA = words_of("ss|tvdss|mtvdss|subsea|sub|sea|msl|mtvd|lat")
 _OF_THE_HOLE = re.compile(r"\bhole (?:depth|length)\b|\btotal measured depth\b")
 # Words after an angle that make another quantity of it, such as its error.
-_OF_AN_ANGLE = frozenset(
-    [
-        *("err", "error", "unc", "uncertainty", "sd", "std", "stdev", "sigma", "delta", "diff", "difference", "change"),
-        *("rate", "correction"),
-    ]
-)
+_OF_AN_ANGLE = words_of("err|error|unc|uncertainty|sd|std|stdev|sigma|delta|diff|difference|change|rate|correction")
 _KEYS = re.compile(
     r"\bbad\b|reject|exclu|azi|asim|incl|inclin|inkl|depth|\btvd|north|east|方位|深|倾|глубин|азимут|угол"
 )
@@ -325,38 +237,25 @@ _KEYS = re.compile(
 
 @dataclasses.dataclass(frozen=True)
 class Given:
-    """
-    Facts about a list that the caller states; they replace the statements of the file.
+    """Facts about a list that the caller states; they replace the statements of the file."""
 
-    Attributes
-    ----------
-    columns : mapping of str
-        Quantity (md, inclination, dip, azimuth, tvd, north, east ...) -> name of its column. An empty name means that
-        the quantity is not read.
-    length_unit, angle_unit, north : str
-        Unit of lengths (of LENGTH_UNITS), unit of angles (of ANGLE_UNITS) and north of azimuths. Each replaces the
-        statement of the file; if empty, the file decides.
-    decimal : str
-        "point" or "comma"; empty: inferred from the cells.
-    dip : str
-        Direction of positive angles from the horizontal, "down" or "up"; empty: inferred from the vertical depths.
-    wellhead : tuple of float, optional
-        Northing and easting of the wellhead, in m, subtracted from map coordinates.
-    usual_dip : str
-        Usual direction of positive angles from the horizontal in the well; used if neither the caller nor the list nor
-        its vertical depths determine the direction.
-    confirm : tuple of str
-        Words of `CONFIRMABLE` for implausible values that the caller has checked and that are correct.
-    """
-
+    #: quantity (md, inclination, dip, azimuth, tvd, north, east ...) -> name of its column. An empty name means that
+    #: the quantity is not read.
     columns: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    #: `length_unit`, `angle_unit`, `north`: unit of lengths (of LENGTH_UNITS), unit of angles (of ANGLE_UNITS) and
+    #: north of azimuths. Each replaces the statement of the file; if empty, the file decides.
     length_unit: str = ""
     angle_unit: str = ""
     north: str = ""
-    decimal: str = ""
+    decimal: str = ""  #: "point" or "comma"; empty: inferred from the cells
+    #: direction of positive angles from the horizontal, "down" or "up"; empty: inferred from the vertical depths
     dip: str = ""
+    #: northing and easting of the wellhead, in m, subtracted from map coordinates
     wellhead: tuple[float, float] | None = None
+    #: words of `CONFIRMABLE` for implausible values that the caller has checked and that are correct
     confirm: tuple[str, ...] = ()
+    #: usual direction of positive angles from the horizontal in the well; used if neither the caller nor the list nor
+    #: its vertical depths determine the direction
     usual_dip: str = ""
 
     def __post_init__(self) -> None:
@@ -399,18 +298,15 @@ def columns_of(text: str) -> dict[str, str]:
 
 @dataclasses.dataclass(frozen=True)
 class ListColumn:
-    """
-    One column: its index, its name, and its quantity ("" if the list reader does not read this quantity).
-
-    unit, north: unit and north that the name states, or "". strange: words of the name that were not understood.
-    """
+    """One column: its index, its name, and its quantity ("" if the list reader does not read this quantity)."""
 
     number: int
     name: str
     quantity: str
+    #: `unit`, `north`: unit and north that the name states, or ""
     unit: str = ""
     north: str = ""
-    strange: str = ""
+    strange: str = ""  #: words of the name that were not understood
 
 
 @dataclasses.dataclass(frozen=True)

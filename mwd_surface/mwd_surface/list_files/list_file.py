@@ -21,8 +21,8 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files import list_columns, number_cells
 from mwd_surface.list_files.column_values import LOCAL, MAP, ColumnValues
+from mwd_surface.list_files.exchange_formats import is_las, is_p7, las_table, p7_table, witsml_table
 from mwd_surface.list_files.grid_file import is_html, is_spreadsheet, is_spreadsheet_xml
-from mwd_surface.list_files.las_table import is_las, las_table
 from mwd_surface.list_files.list_checks import (
     check_depths,
     check_doglegs,
@@ -46,27 +46,20 @@ from mwd_surface.list_files.list_head import Head, read_head
 from mwd_surface.list_files.list_rows import QUOTED, refuse_surplus_numbers, station_rows
 from mwd_surface.list_files.map_coordinates import offsets_from_wellhead
 from mwd_surface.list_files.moments import dated
-from mwd_surface.list_files.p7_table import is_p7, p7_table
 from mwd_surface.list_files.provenance import Provenance, read_provenance
 from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
 from mwd_surface.list_files.station_list import WITHOUT_POSITION, Start, StationList, carried
 from mwd_surface.list_files.table import Table, read_bytes, table_of, text_of
-from mwd_surface.list_files.witsml_table import witsml_table
 
 _START_ROWS = ("tie-on", "assumed")  # rows of exports of this program that are not surveys, by their column "station"
 # Words of columns that say whether a station may be used; an empty cell says nothing.
-_USABLE = frozenset(
-    [
-        *("accept", "accepted", "ok", "okay", "good", "pass", "passed", "yes", "y", "true", "valid", "used", "in use"),
-        *("approved", "definitive", "final", "open", "position", "reject", "survey", ""),
-    ]
+_USABLE = number_cells.words_of(
+    "accept|accepted|ok|okay|good|pass|passed|yes|y|true|valid|used|in use|approved|definitive|final|open|position|"
+    "reject|survey|"
 )
-_DOUBTFUL = frozenset(["doubtful", "suspect", "suspicious", "questionable", "poor"])
-_UNUSABLE = frozenset(
-    [
-        *("rejected", "bad", "fail", "failed", "no", "n", "false", "invalid", "unused", "not used", "do not use"),
-        *("not accepted", "excluded", "omitted", "not ok", "nok"),
-    ]
+_DOUBTFUL = number_cells.words_of("doubtful|suspect|suspicious|questionable|poor")
+_UNUSABLE = number_cells.words_of(
+    "rejected|bad|fail|failed|no|n|false|invalid|unused|not used|do not use|not accepted|excluded|omitted|not ok|nok"
 )
 _UPWARDS = 3  # smallest number of stations in a list that may be written from the bottom up
 _NUMBERED = {"1": "yes", "0": "no"}  # of columns such as "use"; of a quality flag, neither number has a usual meaning

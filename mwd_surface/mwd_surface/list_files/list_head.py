@@ -87,29 +87,20 @@ _OFFSETS = re.compile(r"\bDX\b.*\bDY\b", re.IGNORECASE)
 
 @dataclasses.dataclass(frozen=True)
 class Head:
-    """
-    Facts that the head of a list states.
+    """Facts that the head of a list states."""
 
-    north: one of NORTHS, or "".
-    strange_north, strange_unit: words that were not understood.
-    length_unit, angle_unit: as in LENGTH_UNITS and ANGLE_UNITS, or "".
-    map_unit: unit of map coordinates and offsets.
-    hinted_unit: unit of the elevation of the depth datum, such as the kelly bushing; depths usually have the same unit.
-    horizontal: whether angles are measured from the horizontal.
-    dip: direction of positive angles from the horizontal, "up", "down" or "".
-    wellhead: northing and easting, m, or None.
-    """
-
-    north: str = ""
-    strange_north: str = ""
+    north: str = ""  #: one of NORTHS, or ""
+    strange_north: str = ""  #: words that were not understood
+    #: `length_unit`, `angle_unit`: as in LENGTH_UNITS and ANGLE_UNITS, or ""
     length_unit: str = ""
     angle_unit: str = ""
-    strange_unit: str = ""
-    map_unit: str = ""
+    strange_unit: str = ""  #: words that were not understood
+    map_unit: str = ""  #: unit of map coordinates and offsets
+    #: unit of the elevation of the depth datum, such as the kelly bushing; depths usually have the same unit
     hinted_unit: str = ""
-    horizontal: bool = False
-    dip: str = ""
-    wellhead: tuple[float, float] | None = None
+    horizontal: bool = False  #: whether angles are measured from the horizontal
+    dip: str = ""  #: direction of positive angles from the horizontal, "up", "down" or ""
+    wellhead: tuple[float, float] | None = None  #: northing and easting, m, or None
 
 
 def read_head(lines: Iterable[str]) -> Head:

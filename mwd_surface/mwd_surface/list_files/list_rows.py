@@ -19,27 +19,8 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.remark import Remark, RemarkKind
 
 # Words in the first column of rows of totals at the end of a list.
-_TOTALS = frozenset(
-    [
-        "total",
-        "totals",
-        "sum",
-        "max",
-        "maximum",
-        "min",
-        "minimum",
-        "mean",
-        "average",
-        "avg",
-        "end",
-        "td",
-        "summe",
-        "gesamt",
-        "итого",
-        "合计",
-        "总计",
-        "平均",
-    ]
+_TOTALS = number_cells.words_of(
+    "total|totals|sum|max|maximum|min|minimum|mean|average|avg|end|td|summe|gesamt|итого|合计|总计|平均"
 )
 # Words in a row that extends a list to the bit or to the planned end, where no survey was taken.
 _PROJECTION = re.compile(

@@ -14,42 +14,17 @@ from collections.abc import Iterable, Sequence
 
 Cell = str | float
 
+
+def words_of(text: str) -> frozenset[str]:
+    """Return the words of a list that are separated by bars."""
+    return frozenset(text.split("|"))
+
+
 # Numbers that programs write to mean "no value" (LAS, Petrel, WITSML, spreadsheets).
 NULL_NUMBERS = (-999.25, -999.0, -9999.0, -9999.25, -99999.0, -999.99, -9999.99, 1e30, -1e30, 1.0e33)
-_NULL_WORDS = frozenset(
-    [
-        "-",
-        "--",
-        "---",
-        ".",
-        "na",
-        "n/a",
-        "n.a.",
-        "n.a",
-        "nan",
-        "nil",
-        "null",
-        "none",
-        "void",
-        "-",
-        "?",
-        "#n/a",
-        "#na",
-        "#value!",
-        "#ref!",
-        "#div/0!",
-        "#num!",
-        "#null!",
-        "absent",
-        "(null)",
-        "<null>",
-        "inf",
-        "+inf",
-        "-inf",
-        "-",
-        "无",
-        "空",
-    ]
+_NULL_WORDS = words_of(
+    "-|--|---|.|na|n/a|n.a.|n.a|nan|nil|null|none|void|?|#n/a|#na|#value!|#ref!|#div/0!|#num!|#null!|absent|(null)|"
+    "<null>|inf|+inf|-inf|无|空"
 )
 _MINUS = str.maketrans({"\u2212": "-", "\u2013": "-", "\ufe63": "-", "\uff0d": "-", "\uff0e": ".", "\uff0c": ","})
 _NUMBER = re.compile(

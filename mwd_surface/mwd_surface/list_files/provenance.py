@@ -28,25 +28,14 @@ _LINE = re.compile(r'^[\s"#]*mwd (?P<part>well|start|reference|remark): ?(?P<jso
 
 @dataclasses.dataclass(frozen=True)
 class Provenance:
-    """
-    Data of the list from which this program made an export.
+    """Data of the list from which this program made an export."""
 
-    Attributes
-    ----------
-    well : dict
-        Settings of the well by name, see `surveys.well.Well`.
-    start : Start
-        Point where the path starts; azimuth from the north of the well. Remarks on the start are in `remarks`.
-    reference : dict of float
-        Reference values of the last survey in use, by the names of `list_columns.FIGURES`: T, m/s^2, rad.
-    remarks : tuple of Remark
-        Every assumption behind the list.
-    """
-
-    well: dict[str, Any]
+    well: dict[str, Any]  #: settings of the well by name, see `surveys.well.Well`
+    #: point where the path starts; azimuth from the north of the well. Remarks on the start are in `remarks`.
     start: Start
+    #: reference values of the last survey in use, by the names of `list_columns.FIGURES`: T, m/s^2, rad
     reference: dict[str, float]
-    remarks: tuple[Remark, ...] = ()
+    remarks: tuple[Remark, ...] = ()  #: every assumption behind the list
 
     def __post_init__(self) -> None:
         """Raise ValueError for a reference value whose name is unknown."""

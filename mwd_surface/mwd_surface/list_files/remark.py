@@ -44,14 +44,11 @@ class RemarkKind(enum.StrEnum):
 
 @dataclasses.dataclass(frozen=True)
 class Remark:
-    """
-    One remark on a list: an assumption of the reader, or something that the reader left out.
-
-    text: a sentence for people that names the list. values: numbers of the sentence by name, in SI and rad, finite.
-    """
+    """One remark on a list: an assumption of the reader, or something that the reader left out."""
 
     kind: RemarkKind
-    text: str
+    text: str  #: a sentence for people that names the list
+    #: numbers of the sentence by name, in SI and rad, finite
     values: dict[str, float] = dataclasses.field(default_factory=dict)
 
 

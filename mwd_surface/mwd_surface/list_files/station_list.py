@@ -29,67 +29,45 @@ _SHARPEST = math.radians(20.0) / 30.0
 
 @dataclasses.dataclass(frozen=True)
 class Start:
-    """
-    Point at which the path of a list starts.
+    """Point at which the path of a list starts."""
 
-    md, inclination, azimuth: m and rad.
-    position: north, east, down, m.
-    source: one of the words of `leg.Origin`.
-    remarks: assumptions.
-    """
-
+    #: `md`, `inclination`, `azimuth`: m and rad
     md: float
     inclination: float
     azimuth: float
-    position: tuple[float, float, float]
-    source: str
-    remarks: tuple[Remark, ...] = ()
+    position: tuple[float, float, float]  #: north, east, down, m
+    source: str  #: one of the words of `leg.Origin`
+    remarks: tuple[Remark, ...] = ()  #: assumptions
 
 
 @dataclasses.dataclass(frozen=True)
 class StationList:
-    """
-    Stations as written in a file.
+    """Stations as written in a file."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the list, for people.
-    north : str
-        North from which azimuths are measured: "magnetic", "true", "grid", or "" if the file does not state it.
-    md, inclination, azimuth : ndarray, shape (n,)
-        Measured depth, m, increasing; angles in rad. A missing azimuth is nan.
-    positions : ndarray, shape (n, 3)
-        North, east, down from the wellhead as written in the file, m; nan if missing. They are checked against the
-        angles.
-    sigma_inclination, sigma_azimuth : ndarray, shape (n,)
-        Standard deviations, rad; nan if missing.
-    tool, time, verdict : tuple of str
-        Texts of each station as written; empty if missing.
-    figures : mapping of ndarray, shape (n,)
-        Reference values of each station by the names of `list_columns.FIGURES`: T, m/s^2, rad; nan if missing.
-    remarks : tuple of Remark
-        Every assumption that the reader made, and everything that the reader left out.
-    start : Start, optional
-        Start of the path, if the file states it, which exports of this program do.
-    well : dict
-        Settings of the well, if the file has them, which exports of this program do.
-    """
-
-    name: str
+    name: str  #: name of the list, for people
+    #: north from which azimuths are measured: "magnetic", "true", "grid", or "" if the file does not state it
     north: str
+    #: `md`, `inclination`, `azimuth`: shape (n,); measured depth, m, increasing; angles in rad. A missing azimuth is
+    #: nan.
     md: Array
     inclination: Array
     azimuth: Array
+    #: shape (n, 3); north, east, down from the wellhead as written in the file, m; nan if missing. They are checked
+    #: against the angles.
     positions: Array
+    #: `sigma_inclination`, `sigma_azimuth`: shape (n,); standard deviations, rad; nan if missing
     sigma_inclination: Array
     sigma_azimuth: Array
+    #: `tool`, `time`, `verdict`: texts of each station as written; empty if missing
     tool: tuple[str, ...]
     time: tuple[str, ...]
     verdict: tuple[str, ...]
+    #: shape (n,); reference values of each station by the names of `list_columns.FIGURES`: T, m/s^2, rad; nan if
+    #: missing
     figures: Mapping[str, Array]
-    remarks: tuple[Remark, ...] = ()
-    start: Start | None = None
+    remarks: tuple[Remark, ...] = ()  #: every assumption that the reader made, and everything that the reader left out
+    start: Start | None = None  #: start of the path, if the file states it, which exports of this program do
+    #: settings of the well, if the file has them, which exports of this program do
     well: dict[str, Any] = dataclasses.field(default_factory=dict)
 
 

@@ -57,26 +57,17 @@ Header = Callable[[Sequence[str]], int]
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """
-    Rows under named columns.
+    """Rows under named columns."""
 
-    name: name of the file.
-    at: place of the column names.
-    names, units: name and unit of each column; the unit is "" unless the file states it apart from the name.
-    rows: the rows below the names.
-    head: lines above the names, and comments.
-    remarks: remarks on rows and sheets that were left out.
-    separator: text between the cells of a text file, " " or "  " for spaces; "" for other files.
-    """
-
-    name: str
-    at: str
+    name: str  #: name of the file
+    at: str  #: place of the column names
+    #: `names`, `units`: name and unit of each column; the unit is "" unless the file states it apart from the name
     names: tuple[str, ...]
     units: tuple[str, ...]
-    rows: tuple[Row, ...]
-    head: tuple[str, ...] = ()
-    remarks: tuple[Remark, ...] = ()
-    separator: str = ""
+    rows: tuple[Row, ...]  #: the rows below the names
+    head: tuple[str, ...] = ()  #: lines above the names, and comments
+    remarks: tuple[Remark, ...] = ()  #: remarks on rows and sheets that were left out
+    separator: str = ""  #: text between the cells of a text file, " " or "  " for spaces; "" for other files
 
     def columns(self) -> dict[str, list[str]]:
         """Return the columns as text by name, numbers with a decimal point; short rows are padded with empty cells."""

@@ -7,7 +7,7 @@ import concurrent.futures
 
 from mwd_sensors.core.foreign_text import without_contents
 from mwd_surface.clearance.clearance import ClearanceLevel
-from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, well_clearance
+from mwd_surface.clearance.offset_wells import WellClearance, offset_wells_of, well_clearance
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.plan_monitor import PlanMonitor

@@ -13,8 +13,7 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.live.settings import PlanSettings
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, interpolated, offset_of_end, straight
-from mwd_surface.trajectory.plan_file import in_north, read_plan
+from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, in_north, interpolated, offset_of_end, read_plan, straight
 from mwd_surface.trajectory.well_path import Definitive
 
 

@@ -56,59 +56,38 @@ _MOST_WAITING = 20_000  # largest number of samples that wait for a depth: half 
 
 @dataclasses.dataclass(frozen=True)
 class Curve:
-    """
-    One channel over depth, one row for each step from the shallowest to the deepest.
-
-    Attributes
-    ----------
-    depth : ndarray, shape (n,)
-        Middle of each step, m.
-    value, sigma : ndarray, shape (n,)
-        Mean and its 1 sigma; NaN in a gap.
-    counts : ndarray, shape (n,)
-        Pulses of a detector; NaN if not known.
-    seconds : ndarray, shape (n,)
-        Time of measurement, s; 0 in a gap.
-    samples : ndarray, shape (n,)
-        Number of samples that contribute.
-    sectors, sigma_sectors : ndarray, shape (n, k)
-        Means by direction, the first centred on the high side, clockwise looking down-hole; k = 0 without sectors.
-    quality : ndarray, shape (n,)
-        Bits of mwd_msgs/LogSample of all samples that contribute; NaN in a gap.
-    gaps : tuple of (float, float)
-        Top and bottom, m, of each interval without a value, from the first to the last value of the channel in the
-        whole well, even if the curve has only the deepest steps. If the channel stopped, the last gap ends at the depth
-        that the sensor has reached.
-    """
+    """One channel over depth, one row for each step from the shallowest to the deepest."""
 
     channel: str
     unit: str
-    depth: Array
+    depth: Array  #: shape (n,); middle of each step, m
+    #: `value`, `sigma`: shape (n,); mean and its 1 sigma; NaN in a gap
     value: Array
     sigma: Array
-    counts: Array
-    seconds: Array
-    samples: Array
+    counts: Array  #: shape (n,); pulses of a detector; NaN if not known
+    seconds: Array  #: shape (n,); time of measurement, s; 0 in a gap
+    samples: Array  #: shape (n,); number of samples that contribute
+    #: `sectors`, `sigma_sectors`: shape (n, k); means by direction, the first centred on the high side, clockwise
+    #: looking down-hole; k = 0 without sectors
     sectors: Array
     sigma_sectors: Array
-    quality: Array
+    quality: Array  #: shape (n,); bits of mwd_msgs/LogSample of all samples that contribute; NaN in a gap
+    #: top and bottom, m, of each interval without a value, from the first to the last value of the channel in the whole
+    #: well, even if the curve has only the deepest steps. If the channel stopped, the last gap ends at the depth that
+    #: the sensor has reached.
     gaps: tuple[tuple[float, float], ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class Newest:
-    """
-    Newest value of a channel: value and 1 sigma in its unit, time, ns, and depth of the sensor at that time, m.
-
-    quality: bits of mwd_msgs/LogSample.
-    """
+    """Newest value of a channel: value and 1 sigma in its unit, time, ns, and depth of the sensor at that time, m."""
 
     value: float
     sigma: float
     stamp_ns: int
     depth: float
     unit: str
-    quality: int
+    quality: int  #: bits of mwd_msgs/LogSample
 
 
 class _Sums:
@@ -246,15 +225,11 @@ class _DepthChannel:
 
 
 class _DepthBeforeJump(NamedTuple):
-    """
-    State before a jump of the depth that no string can make.
+    """State before a jump of the depth that no string can make."""
 
-    stamp_ns: time of the last bit depth. bit_depth: this depth, m. bottom: bottom of the hole at this time, m.
-    """
-
-    stamp_ns: int
-    bit_depth: float
-    bottom: float
+    stamp_ns: int  #: time of the last bit depth
+    bit_depth: float  #: depth of the bit then, m
+    bottom: float  #: bottom of the hole then, m
 
     def reaches(self, rules: DepthJumpRules, stamp_ns: int, bit_depth: float) -> bool:
         """Return whether a string can move from this depth to another one, m, by a time, ns."""

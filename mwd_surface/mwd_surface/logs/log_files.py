@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -18,7 +19,7 @@ from mwd_surface.signals.cells import fixed, plain
 from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.well import Well
 
-_NULL = -999.25  # number that stands for an unknown value in a LAS file
+NULL = -999.25  # number that stands for an unknown value in a LAS file
 #: Mnemonics of curves in LAS that other programs know; any other channel has its name in capitals.
 MNEMONICS = {"gamma": "GR", "inclination": "INCL", "temperature": "TEMP", "lateral_vibration": "VIBL"}
 _DECIMALS = 3  # number of decimals in files
@@ -105,25 +106,39 @@ def parquet(log: DepthLog, which: str, well: Well) -> bytes:
     return out.getvalue()
 
 
-def las(log: DepthLog, which: str, well: Well) -> bytes:
-    """Return a LAS 2.0 file; unknown values are -999.25."""
+def las_of(well: Well) -> Any:
+    """Return a LAS file (of lasio) without curves, with the names of a well and the number for unknown values."""
     import lasio
 
-    found = columns(log, which)
     file = lasio.LASFile()
-    item = lasio.HeaderItem
     for mnemonic, value, descr in (
         ("WELL", well.name, "WELL"),
         ("COMP", well.company, "COMPANY"),
         ("FLD", well.field, "FIELD"),
         ("SRVC", well.service_company, "SERVICE COMPANY"),
     ):
-        # A colon before a space separates value and description in LAS.
-        file.well[mnemonic] = item(mnemonic, value=plain(value).replace(": ", ", "), descr=descr)
-    file.well["NULL"].value = _NULL
-    file.params.append(item("PASS", value=which, descr="PASS OF THE LOG, first, deepest or all"))
+        file.well[mnemonic] = lasio.HeaderItem(mnemonic, value=as_value(value), descr=descr)
+    file.well["NULL"].value = NULL
+    return file
+
+
+def as_value(text: str) -> str:
+    """Return a text on one line as a value for a LAS header line: a colon before a space becomes a comma."""
+    # A colon before a space separates value and description in LAS, so replace it; a colon in a time remains.
+    return re.sub(r"\s*:\s+", ", ", plain(text))
+
+
+def las(log: DepthLog, which: str, well: Well) -> bytes:
+    """Return a LAS 2.0 file; unknown values are -999.25."""
+    from lasio import HeaderItem
+
+    found = columns(log, which)
+    file = las_of(well)
+    file.params.append(HeaderItem("PASS", value=which, descr="PASS OF THE LOG, first, deepest or all"))
     for name, count in log.unplaced.items():
-        file.params.append(item(f"X{len(file.params):02d}", value=count, descr=f"SAMPLES OF {name} WITHOUT DEPTH"))
+        file.params.append(
+            HeaderItem(f"X{len(file.params):02d}", value=count, descr=f"SAMPLES OF {name} WITHOUT DEPTH")
+        )
     file.other = "\n".join(gap_lines(log, which))
     for one in found:
         values = np.array([math.nan if v is None else v for v in printed(one.values)])

@@ -37,31 +37,18 @@ class ClockError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class MemoryClock:
-    """
-    Clock of the memory: memory time is run time plus an offset that grows by the drift.
+    """Clock of the memory: memory time is run time plus an offset that grows by the drift."""
 
-    Attributes
-    ----------
-    reference_ns : int
-        Run time at which `offset_s` holds.
-    offset_s, sigma_offset_s : float
-        Memory minus run at that time, and 1 sigma.
-    drift, sigma_drift : float
-        Growth of the offset, s/s, and 1 sigma; both NaN with fewer than three changes of the rotation, because the
-        scatter of the offsets is then unknown.
-    correlation : float
-        Correlation of the rotary speeds of run and memory at the first offset.
-    changes : int
-        Number of starts and stops of the rotation that were used.
-    """
-
-    reference_ns: int
+    reference_ns: int  #: run time at which `offset_s` holds
+    #: `offset_s`, `sigma_offset_s`: memory minus run at that time, and 1 sigma
     offset_s: float
     sigma_offset_s: float
+    #: `drift`, `sigma_drift`: growth of the offset, s/s, and 1 sigma; both NaN with fewer than three changes of the
+    #: rotation, because the scatter of the offsets is then unknown
     drift: float
     sigma_drift: float
-    correlation: float
-    changes: int
+    correlation: float  #: correlation of the rotary speeds of run and memory at the first offset
+    changes: int  #: number of starts and stops of the rotation that were used
 
     def run_ns(self, memory_ns: int) -> int:
         """Return the time by the clock of the run for a stamp of the memory, ns."""

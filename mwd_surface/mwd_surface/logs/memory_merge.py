@@ -31,27 +31,21 @@ _FROM_MEMORY = "its readings are those of the tool's memory"
 
 @dataclasses.dataclass(frozen=True)
 class Improvement:
-    """
-    Improvement of one channel by the memory.
-
-    Attributes
-    ----------
-    steps, before, filled, lost : int
-        Numbers of depth steps: with a value in the merged log; with a value in the merged log and in the run's log;
-        with a value from the memory only; with a value in the run's log only.
-    sigma_before, sigma_after : float
-        Median 1 sigma in the run's log and in the merged log, over the steps with a value in both; NaN if none.
-    depth_shift, correlation : float
-        Depth shift of the memory relative to the run, m, and correlation of the two logs; NaN if unknown.
-    """
+    """Improvement of one channel by the memory."""
 
     channel: str
+    #: `steps`, `before`, `filled`, `lost`: numbers of depth steps: with a value in the merged log; with a value in the
+    #: merged log and in the run's log; with a value from the memory only; with a value in the run's log only
     steps: int
     before: int
     filled: int
     lost: int
+    #: `sigma_before`, `sigma_after`: median 1 sigma in the run's log and in the merged log, over the steps with a value
+    #: in both; NaN if none
     sigma_before: float
     sigma_after: float
+    #: `depth_shift`, `correlation`: depth shift of the memory relative to the run, m, and correlation of the two logs;
+    #: NaN if unknown
     depth_shift: float
     correlation: float
 

@@ -45,75 +45,44 @@ _MOST_SOURCES, _MOST_BINS = 64, 100  # largest number of sources; largest index 
 
 @dataclasses.dataclass(frozen=True)
 class BatteryHealth:
-    """
-    Battery of the tool. Unknown numbers are NaN.
+    """Battery of the tool. Unknown numbers are NaN."""
 
-    Attributes
-    ----------
-    voltage, sigma_voltage : float
-        Newest voltage and its 1 sigma, V.
-    used, sigma_used : float
-        Used charge and its 1 sigma, C.
-    capacity : float
-        Capacity of the full battery at the newest temperature, C.
-    current : float
-        Mean current from which the remaining time is computed, A.
-    remaining, sigma_remaining : float
-        Time until the battery is empty at this temperature and mean current, and its 1 sigma, s.
-    remaining_active, remaining_idle : float
-        Remaining time with the pumps always on, and always off, s.
-    assumed : tuple of str
-        Sentences on assumptions; empty if the remaining time follows from the tool file and from measurements.
-    """
-
+    #: `voltage`, `sigma_voltage`: newest voltage and its 1 sigma, V
     voltage: float
     sigma_voltage: float
+    #: `used`, `sigma_used`: used charge and its 1 sigma, C
     used: float
     sigma_used: float
-    capacity: float
-    current: float
+    capacity: float  #: capacity of the full battery at the newest temperature, C
+    current: float  #: mean current from which the remaining time is computed, A
+    #: `remaining`, `sigma_remaining`: time until the battery is empty at this temperature and mean current, and its 1
+    #: sigma, s
     remaining: float
     sigma_remaining: float
+    #: `remaining_active`, `remaining_idle`: remaining time with the pumps always on, and always off, s
     remaining_active: float
     remaining_idle: float
+    #: sentences on assumptions; empty if the remaining time follows from the tool file and from measurements
     assumed: tuple[str, ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class Exposure:
-    """
-    Exposure of the tool to one quantity.
+    """Exposure of the tool to one quantity."""
 
-    Attributes
-    ----------
-    source, unit : str
-        Name of the quantity, and unit of all its levels.
-    newest, largest : float
-        Newest and largest sample.
-    observed : float
-        Time for which there are samples, s.
-    bins : tuple of (float, float)
-        Histogram: lower edge of each filled bin, increasing, and time in the bin, s.
-    width : float
-        Width of a bin.
-    dose : float
-        Share of the life that is used; 1 is the limit.
-    limit : float
-        Lowest level that uses up life; the tool withstands lower levels without limit.
-    assumed : bool
-        Whether the limit is the usual one of such a kit, because the tool file states none.
-    """
-
+    #: `source`, `unit`: name of the quantity, and unit of all its levels
     source: str
     unit: str
+    #: `newest`, `largest`: newest and largest sample
     newest: float
     largest: float
-    observed: float
+    observed: float  #: time for which there are samples, s
+    #: histogram: lower edge of each filled bin, increasing, and time in the bin, s
     bins: tuple[tuple[float, float], ...]
-    width: float
-    dose: float
-    limit: float
-    assumed: bool
+    width: float  #: width of a bin
+    dose: float  #: share of the life that is used; 1 is the limit
+    limit: float  #: lowest level that uses up life; the tool withstands lower levels without limit
+    assumed: bool  #: whether the limit is the usual one of such a kit, because the tool file states none
 
 
 @dataclasses.dataclass(frozen=True)
@@ -128,37 +97,21 @@ class PartHealth:
 
 @dataclasses.dataclass(frozen=True)
 class ToolHealth:
-    """
-    Health of the tool.
+    """Health of the tool."""
 
-    Attributes
-    ----------
-    stamp_ns : int
-        End of the newest sample; 0 before the first.
-    run_time : float
-        Run time of the electronics, s: from the tool's counter, else the time since the first sample without gaps of
-        more than an hour; NaN before the first sample.
-    pumping : float
-        Time with the pumps on, s; NaN if the rig has not reported the state of the pumps.
-    battery : BatteryHealth or None
-        None if neither the samples nor the tool file have data on a battery.
-    failed_tests : tuple of str or None
-        Names of the self-tests that failed when they last ran; None: the tool has reported no results.
-    unreported_tests : tuple of str
-        Names of the self-tests that the tool has not reported as run, so that their result is unknown.
-    remarks : tuple of str
-        Sentences on data that could not be read.
-    """
-
-    stamp_ns: int = 0
+    stamp_ns: int = 0  #: end of the newest sample; 0 before the first
+    #: run time of the electronics, s: from the tool's counter, else the time since the first sample without gaps of
+    #: more than an hour; NaN before the first sample
     run_time: float = math.nan
-    pumping: float = math.nan
-    battery: BatteryHealth | None = None
+    pumping: float = math.nan  #: time with the pumps on, s; NaN if the rig has not reported the state of the pumps
+    battery: BatteryHealth | None = None  #: None if neither the samples nor the tool file have data on a battery
     exposures: tuple[Exposure, ...] = ()
+    #: names of the self-tests that failed when they last ran; None: the tool has reported no results
     failed_tests: tuple[str, ...] | None = None
+    #: names of the self-tests that the tool has not reported as run, so that their result is unknown
     unreported_tests: tuple[str, ...] = tuple(SELF_TESTS.values())
     parts: tuple[PartHealth, ...] = ()
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()  #: sentences on data that could not be read
 
 
 _SUMS_OF_SERIES = {"end_ns": int, "newest_ns": int} | dict.fromkeys(
@@ -457,16 +410,11 @@ class HealthLedger:
 
 @dataclasses.dataclass(frozen=True)
 class _Silence:
-    """
-    Silences: times without a known state of the pumps.
+    """Silences: times without a known state of the pumps."""
 
-    seconds: total length, s. active_s: part of the total in which the pumps are assumed to be on. last: these two
-    numbers of the last silence alone.
-    """
-
-    seconds: float = 0.0
-    active_s: float = 0.0
-    last: tuple[float, float] = (0.0, 0.0)
+    seconds: float = 0.0  #: total length, s
+    active_s: float = 0.0  #: part of the total in which the pumps are assumed to be on
+    last: tuple[float, float] = (0.0, 0.0)  #: length and part with pumps on of the last silence alone
 
     def after(self, seconds: float, active_s: float) -> _Silence:
         """Return the sums with one more silence; seconds, active_s: its length and its part with the pumps on, s."""

@@ -46,9 +46,9 @@ from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.logs.log_journal import NAME as JOURNAL
 from mwd_surface.logs.log_journal import LogJournal
+from mwd_surface.logs.recorded_log import FILE as TOOL_FILE
+from mwd_surface.logs.recorded_log import TOOL, limits_table, read_limits
 from mwd_surface.logs.tool_health import HealthLedger
-from mwd_surface.logs.tool_table import FILE as TOOL_FILE
-from mwd_surface.logs.tool_table import TOOL, limits_table, read_limits
 from mwd_surface.nodes.control_server import ControlServer
 from mwd_surface.nodes.downlink_server import DownlinkServer
 from mwd_surface.nodes.foxglove_bridge import FoxgloveBridge
@@ -67,7 +67,7 @@ from mwd_surface.ros.parameter_tables import ParameterTables
 from mwd_surface.ros.topics import OF_TOOL, TOPICS
 from mwd_surface.ros.worker import Answer, BackgroundWorker, RequestQueue
 from mwd_surface.surveys.survey_store import StoreError
-from mwd_surface.trajectory.slide_file import NAME, SLIDES, read_stretches, stretch_table
+from mwd_surface.trajectory.slide_sheet import NAME, SLIDES, read_stretches, stretch_table
 
 _LIVE_PERIOD = 0.05  # time between two updates of page and toolface, s
 _SLOW_PERIOD = 1.0  # time between two updates of all other parts, s

@@ -29,8 +29,7 @@ from mwd_surface.ros.worker import BackgroundWorker
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.trajectory.advice import Advice
-from mwd_surface.trajectory.slide_file import append_stretch
-from mwd_surface.trajectory.slide_sheet import DrilledStretch
+from mwd_surface.trajectory.slide_sheet import DrilledStretch, append_stretch
 from mwd_surface.trajectory.well_path import Definitive
 
 

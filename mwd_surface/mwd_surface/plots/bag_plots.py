@@ -5,17 +5,30 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.calibration.allan import figures
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_surface.plots.drawing import DEGREES, SERIES, TRUTH_COLOUR, drawer, finish_axes, png, svg, time_unit
+from mwd_surface.plots.drawing import (
+    BAD,
+    DEGREES,
+    DOUBTFUL,
+    GOOD,
+    SERIES,
+    TRUTH_COLOUR,
+    drawer,
+    finish_axes,
+    png,
+    svg,
+    time_unit,
+)
 from mwd_surface.plots.plot_data import AllanOf, Panel, PlotData, SpectrumOf
-from mwd_surface.plots.survey_plots import survey_drawers
-from mwd_surface.plots.traces import WHAT
+from mwd_surface.plots.traces import NORTHS, WHAT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,16 +97,7 @@ def figure(data: PlotData, what: Sequence[str]) -> Figure:
 
 
 def image(picture: Figure, kind: str) -> bytes:
-    """
-    Return the plot as the bytes of a file; kind: png or svg. The same plot gives the same bytes.
-
-    Raises
-    ------
-    ValueError
-        The kind is neither png nor svg.
-    """
-    if kind not in ("png", "svg"):
-        raise ValueError(f"a plot is written as .png or .svg, not as .{kind}")
+    """Return the plot as the bytes of a file; kind: png or svg. The same plot gives the same bytes."""
     return png(picture, _DOTS_PER_INCH) if kind == "png" else svg(picture).encode()
 
 
@@ -150,8 +154,7 @@ def _draw_panel(ax: Axes, data: PlotData, panel: Panel, last: bool) -> None:
     if truth is not None:
         seconds, value = truth.envelope.line(0)
         ax.plot(seconds / scale, value, "--", color=TRUTH_COLOUR, linewidth=0.9, label="truth")
-    ax.set_title(panel.title, loc="left", fontsize=9, pad=3)
-    ax.set_ylabel(trace.unit, fontsize=9)
+    _label(ax, panel.title, y=trace.unit)
     ax.set_xlim(0.0, max(data.seconds, 1e-3) / scale)
     if trace.log:
         ax.set_yscale("log")
@@ -174,6 +177,12 @@ def _draw_panel(ax: Axes, data: PlotData, panel: Panel, last: bool) -> None:
         ax.set_xlabel(f"{unit} after {start:%H:%M:%S} UTC", fontsize=9)
     else:
         ax.tick_params(labelbottom=False)
+
+
+def _label(ax: Axes, title: str, x: str = "", y: str = "") -> None:
+    ax.set_title(title, loc="left", fontsize=9, pad=3)
+    ax.set_xlabel(x, fontsize=9)
+    ax.set_ylabel(y, fontsize=9)
 
 
 def _per_minute(rate_deg_s: Any) -> Any:
@@ -243,9 +252,8 @@ def _draw_spectrum(ax: Axes, item: SpectrumOf) -> None:
     for k, label in enumerate(("x (down-hole)", "y", "z (scribe)")):
         level = np.sqrt(spectrum.density[1:, k])
         ax.loglog(spectrum.frequency[1:], np.maximum(level, 1e-12), color=SERIES[k], linewidth=0.8, label=label)
-    ax.set_title(f"{item.topic}: {item.quantity}", loc="left", fontsize=9, pad=3)
-    ax.set_xlabel(f"Hz ({spectrum.segments} averages of {spectrum.segment / spectrum.rate:.3g} s)", fontsize=9)
-    ax.set_ylabel(f"{item.unit}/√Hz", fontsize=9)
+    averages = f"Hz ({spectrum.segments} averages of {spectrum.segment / spectrum.rate:.3g} s)"
+    _label(ax, f"{item.topic}: {item.quantity}", averages, f"{item.unit}/√Hz")
     finish_axes(ax, legend=True)
 
 
@@ -264,9 +272,7 @@ def _draw_waterfall(ax: Axes, data: PlotData, item: SpectrumOf) -> None:
         vmax=float(np.percentile(known, 99.5)),
         interpolation="nearest",
     )
-    ax.set_title(f"{item.topic}: specific force across the tool, over time", loc="left", fontsize=9, pad=3)
-    ax.set_xlabel(f"{unit} after the start", fontsize=9)
-    ax.set_ylabel("Hz", fontsize=9)
+    _label(ax, f"{item.topic}: specific force across the tool, over time", f"{unit} after the start", "Hz")
     ax.tick_params(labelsize=8)
     bar = ax.figure.colorbar(drawn, ax=ax, cax=ax.inset_axes((1.02, 0.0, 0.015, 1.0)))
     bar.set_label("dB of (m/s²)²/Hz", fontsize=8)
@@ -288,14 +294,8 @@ def _draw_allan(ax: Axes, item: AllanOf) -> None:
         ax.loglog(item.curve.tau, np.maximum(deviation, 1e-12), color=SERIES[k], linewidth=1.0, label=label)
         low, high = (np.maximum(deviation * (1.0 + s * item.curve.sigma), 1e-12) for s in (-1.0, 1.0))
         ax.fill_between(item.curve.tau, low, high, color=SERIES[k], alpha=0.15, linewidth=0.0)
-    ax.set_title(
-        f"{item.topic}: {item.quantity}, still for {item.seconds:.0f} s from {item.start_s:.0f} s",
-        loc="left",
-        fontsize=9,
-        pad=3,
-    )
-    ax.set_xlabel("averaging time, s", fontsize=9)
-    ax.set_ylabel(f"Allan deviation, {unit}", fontsize=9)
+    title = f"{item.topic}: {item.quantity}, still for {item.seconds:.0f} s from {item.start_s:.0f} s"
+    _label(ax, title, "averaging time, s", f"Allan deviation, {unit}")
     finish_axes(ax, legend=True)
 
 
@@ -303,3 +303,59 @@ def _duration(seconds: float) -> str:
     if seconds < 300.0:
         return f"{seconds:.1f} s"
     return f"{seconds / 60.0:.1f} min" if seconds < 3.0 * 3600.0 else f"{seconds / 3600.0:.2f} h"
+
+
+_VERDICTS = (("o", GOOD, "accepted"), ("^", DOUBTFUL, "doubtful"), ("x", BAD, "rejected"))
+
+
+def survey_drawers(data: PlotData) -> list[Callable[[Axes], None]]:
+    """Return the functions that draw the panels of the surveys; the panels are placed side by side."""
+    surveys = [survey for survey, _ in data.surveys]
+    norths = {NORTHS.get(s.north, "unnamed") for s in surveys if s.has_azimuth}
+    north = " and ".join(sorted(norths)) or "unnamed"
+    columns: tuple[tuple[str, Callable[[Survey], tuple[float, float]]], ...] = (
+        ("inclination, deg", lambda s: (s.inclination * DEGREES, s.sigma_inclination * DEGREES)),
+        (f"azimuth from {north} north, deg", lambda s: (s.azimuth * DEGREES, s.sigma_azimuth * DEGREES)),
+        ("field less reference, nT", lambda s: ((s.b_total - s.b_reference) * 1e9, 0.0)),
+        ("dip less reference, deg", lambda s: ((s.dip - s.dip_reference) * DEGREES, 0.0)),
+    )
+    return [drawer(_draw_survey, data, label, value, k == 0) for k, (label, value) in enumerate(columns)]
+
+
+def _draw_survey(
+    ax: Axes, data: PlotData, label: str, value: Callable[[Survey], tuple[float, float]], first: bool
+) -> None:
+    deep = all(not math.isnan(depth) for _, depth in data.surveys)
+    scale, unit = time_unit(data.seconds)
+    for verdict, (mark, colour, name) in enumerate(_VERDICTS):
+        rows = []
+        for survey, depth in data.surveys:
+            x, sigma = value(survey)
+            if survey.verdict == verdict and not math.isnan(x):
+                rows.append((x, depth if deep else (survey.stamp_ns - data.start_ns) * 1e-9 / scale, sigma))
+        if rows:
+            points = np.array(rows)
+            ax.errorbar(
+                points[:, 0],
+                points[:, 1],
+                xerr=points[:, 2],
+                fmt=mark,
+                color=colour,
+                markersize=5,
+                elinewidth=0.8,
+                label=name,
+            )
+    if "less" in label:
+        ax.axvline(0.0, color="k", linewidth=0.7)
+    ax.invert_yaxis()
+    ax.set_xlabel(label + (" (± 1 sigma)" if "less" not in label else ""), fontsize=9)
+    if first:
+        ax.set_ylabel("measured depth, m" if deep else f"{unit} after the start", fontsize=9)
+    ax.ticklabel_format(axis="x", useOffset=False)
+    finish_axes(ax)
+    if first:
+        ax.legend(fontsize=8, frameon=False)
+    elif not ax.get_legend_handles_labels()[0]:
+        ax.text(
+            0.5, 0.5, "not available", ha="center", va="center", transform=ax.transAxes, fontsize=9, color=TRUTH_COLOUR
+        )

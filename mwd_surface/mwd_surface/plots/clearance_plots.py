@@ -12,10 +12,9 @@ import numpy as np
 from mwd_sensors.core import minimum_curvature
 from mwd_sensors.core.arrays import Array
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule
-from mwd_surface.clearance.well_clearance import WellClearance
+from mwd_surface.clearance.offset_wells import WellClearance
 from mwd_surface.plots.drawing import BAD, DOUBTFUL, SERIES, arcs, finish_axes, grid, new_figure
-from mwd_surface.uncertainty.position_covariance import ellipse
-from mwd_surface.uncertainty.uncertain_well import UncertainWell
+from mwd_surface.uncertainty.position_covariance import UncertainWell, ellipse
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

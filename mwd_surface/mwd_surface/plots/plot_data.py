@@ -62,44 +62,30 @@ class SpectrumOf:
 
 @dataclasses.dataclass
 class AllanOf:
-    """
-    Allan deviation of one vector of one topic over its longest still interval.
-
-    start_s: begin of the interval after the start of the plot; seconds: length of the interval, s.
-    """
+    """Allan deviation of one vector of one topic over its longest still interval."""
 
     topic: str
     quantity: str
-    start_s: float
-    seconds: float
+    start_s: float  #: begin of the interval after the start of the plot
+    seconds: float  #: length of the interval, s
     curve: AllanCurve
 
 
 @dataclasses.dataclass
 class PlotData:
-    """
-    Data for the plot of a bag.
+    """Data for the plot of a bag."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the bag.
-    start_ns, end_ns : int
-        Span drawn, ns since the epoch.
-    panels, spectra, allan, surveys : list
-        Data of each part of the plot; each survey is paired with its measured depth, m, or NaN.
-    remarks : list of str
-        Reasons why requested data cannot be shown.
-    """
-
-    name: str
+    name: str  #: name of the bag
+    #: `start_ns`, `end_ns`: span drawn, ns since the epoch
     start_ns: int
     end_ns: int
+    #: `panels`, `spectra`, `allan`, `surveys`: data of each part of the plot; each survey is paired with its measured
+    #: depth, m, or NaN
     panels: list[Panel] = dataclasses.field(default_factory=list)
     spectra: list[SpectrumOf] = dataclasses.field(default_factory=list)
     allan: list[AllanOf] = dataclasses.field(default_factory=list)
     surveys: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
-    remarks: list[str] = dataclasses.field(default_factory=list)
+    remarks: list[str] = dataclasses.field(default_factory=list)  #: reasons why requested data cannot be shown
 
     @property
     def seconds(self) -> float:
@@ -418,18 +404,11 @@ class Spectrum:
         Number of samples in a periodogram.
     bins : int
         Number of time bins.
-
-    Raises
-    ------
-    ValueError
-        The rate is not positive, or a segment has fewer than 16 samples.
     """
 
     def __init__(
         self, rate: float, columns: int, start_ns: int, end_ns: int, segment: int = 1024, bins: int = 240
     ) -> None:
-        if not rate > 0.0 or segment < 16:
-            raise ValueError(f"a spectrum needs a rate and segments of 16 samples or more; got {rate} Hz, {segment}")
         self.rate, self.segment = rate, segment
         self.segments = 0
         self._window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
@@ -503,17 +482,10 @@ class LongAllan:
     rate : float
         Sampling rate, Hz.
     capacity : int
-        Largest number of samples or means in memory; even, at least 64.
-
-    Raises
-    ------
-    ValueError
-        The capacity is odd or below 64.
+        Largest number of samples or means in memory; even.
     """
 
     def __init__(self, rate: float, columns: int, capacity: int = 1 << 18) -> None:
-        if capacity < 64 or capacity % 2:
-            raise ValueError(f"capacity must be even and at least 64, got {capacity}")
         self.rate, self.samples = rate, 0
         self._kept = np.empty((capacity, columns))
         self._count, self._ratio = 0, 1
@@ -584,16 +556,9 @@ class Envelope:
     circle : float
         If positive, the values are angles with this period. Each angle is changed by whole periods to the value nearest
         to the first value of its column, so that a line does not jump where the angle wraps.
-
-    Raises
-    ------
-    ValueError
-        The span is empty, or there are no bins or columns.
     """
 
     def __init__(self, start_ns: int, end_ns: int, columns: int, bins: int = 1600, circle: float = 0.0) -> None:
-        if end_ns < start_ns or columns < 1 or bins < 1:
-            raise ValueError(f"an envelope needs a span, columns and bins; got {start_ns}, {end_ns}, {columns}, {bins}")
         self.circle = circle
         self._start, self._span = start_ns, end_ns - start_ns + 1
         self._low = np.full((bins, columns), np.nan)

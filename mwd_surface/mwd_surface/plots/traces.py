@@ -22,41 +22,20 @@ _RPM = 30.0 / np.pi
 
 @dataclasses.dataclass(frozen=True)
 class Trace:
-    """
-    Definition of one panel over time.
+    """Definition of one panel over time."""
 
-    Attributes
-    ----------
-    what : str
-        Word of `WHAT` that selects the panel.
-    title, unit : str
-        Title and unit; "{north}" in a title is replaced by the north reference of the samples.
-    labels : tuple of str
-        Labels of the series.
-    values : callable
-        Function that returns the values of n samples, shape (n, series); NaN if a value is not available.
-    circle : float
-        If positive, the values are angles with this period.
-    down : bool
-        Whether the axis points down, as for depth.
-    log : bool
-        Whether the axis is logarithmic.
-    rotary : bool
-        Whether to add a second axis in r/min to the axis in deg/s.
-    key : str
-        Name of the angle, by which panels of attitude and truth are paired; empty for other panels.
-    """
-
-    what: str
+    what: str  #: word of `WHAT` that selects the panel
+    #: `title`, `unit`: title and unit; "{north}" in a title is replaced by the north reference of the samples
     title: str
     unit: str
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  #: labels of the series
+    #: function that returns the values of n samples, shape (n, series); NaN if a value is not available
     values: Callable[[Samples], Array]
-    circle: float = 0.0
-    down: bool = False
-    log: bool = False
-    rotary: bool = False
-    key: str = ""
+    circle: float = 0.0  #: if positive, the values are angles with this period
+    down: bool = False  #: whether the axis points down, as for depth
+    log: bool = False  #: whether the axis is logarithmic
+    rotary: bool = False  #: whether to add a second axis in r/min to the axis in deg/s
+    key: str = ""  #: name of the angle, by which panels of attitude and truth are paired; empty for other panels
 
 
 def traces_of(type_name: str) -> tuple[Trace, ...]:
@@ -115,6 +94,16 @@ def _sigmas(samples: Samples) -> Array:
     return np.where(sigma > 0.0, sigma, np.nan)
 
 
+def _angles(what: str, north: str, label: str) -> tuple[Trace, ...]:
+    """Return the panels of inclination, azimuth and toolface; north: north of the azimuth, for the title."""
+    toolface = "gravity toolface (right of high side positive)"
+    return (
+        Trace(what, "inclination from vertical", "deg", (label,), _degrees("inclination"), key="inclination"),
+        Trace(what, f"azimuth from {north} north", "deg", (label,), _degrees("azimuth"), 360.0, key="azimuth"),
+        Trace(what, toolface, "deg", (label,), _toolface, 360.0, key="toolface"),
+    )
+
+
 def _count_rate(samples: Samples) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         rate: Array = samples["counts"] / samples["duration"]
@@ -153,17 +142,7 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
         ),
     ),
     wire.TRUTH.type_name: (
-        Trace("truth", "inclination from vertical", "deg", ("truth",), _degrees("inclination"), key="inclination"),
-        Trace("truth", "azimuth from true north", "deg", ("truth",), _degrees("azimuth"), circle=360.0, key="azimuth"),
-        Trace(
-            "truth",
-            "gravity toolface (right of high side positive)",
-            "deg",
-            ("truth",),
-            _toolface,
-            circle=360.0,
-            key="toolface",
-        ),
+        *_angles("truth", "true", "truth"),
         Trace("truth", "depth of the sonde along the hole", "m", ("truth",), _columns("measured_depth"), down=True),
         Trace("truth", "angular rate", "deg/s", _AXES, _vector("angular_velocity", _DEG), rotary=True),
         Trace("truth", "specific force", "m/s²", _AXES, _vector("specific_force")),
@@ -176,21 +155,7 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
         Trace("sensors", "battery current", "A", ("battery",), _columns("battery_current")),
     ),
     wire.ATTITUDE.type_name: (
-        Trace(
-            "attitude", "inclination from vertical", "deg", ("estimate",), _degrees("inclination"), key="inclination"
-        ),
-        Trace(
-            "attitude", "azimuth from {north} north", "deg", ("estimate",), _degrees("azimuth"), 360.0, key="azimuth"
-        ),
-        Trace(
-            "attitude",
-            "gravity toolface (right of high side positive)",
-            "deg",
-            ("estimate",),
-            _toolface,
-            360.0,
-            key="toolface",
-        ),
+        *_angles("attitude", "{north}", "estimate"),
         Trace("attitude", "stated 1 sigma", "deg", ("inclination", "azimuth", "gravity toolface"), _sigmas, log=True),
     ),
     wire.GRAVITY.type_name: (

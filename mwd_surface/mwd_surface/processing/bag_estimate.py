@@ -50,9 +50,9 @@ from mwd_surface.processing.bag_input import (
 )
 from mwd_surface.processing.input_stream import InputStream, asked_span, offsets_of_clock, problems, refuse
 from mwd_surface.processing.list_builder import ListBuilder
-from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.recorded_requests import RecordedRequest, RecordedRequests
 from mwd_surface.processing.rests import Rests
+from mwd_surface.processing.run_output import Merger
 from mwd_surface.processing.run_summary import Summary, hindrance, pipeline_warnings
 from mwd_surface.surveys.recorded_settings import Recorded
 
@@ -65,23 +65,13 @@ _SKEW_S = 1.0
 
 @dataclasses.dataclass(frozen=True)
 class _Result:
-    """
-    Result of one stage, for the writer.
+    """Result of one stage, for the writer."""
 
-    Attributes
-    ----------
-    output, log_ns : Output and ndarray of int64
-        Results of some IMU samples, and the log times of these samples; or None.
-    originals : list of MessagePart
-        Messages of the bag.
-    until_ns : int
-        No message logged up to this time will follow; None if no such time is known.
-    """
-
+    #: `output`, `log_ns`: results of some IMU samples, and the log times of these samples; or None
     output: Output | None
     log_ns: NDArray[np.int64] | None = None
-    originals: list[MessagePart] = dataclasses.field(default_factory=list)
-    until_ns: int | None = None
+    originals: list[MessagePart] = dataclasses.field(default_factory=list)  #: messages of the bag
+    until_ns: int | None = None  #: no message logged up to this time will follow; None if no such time is known
 
 
 class BagEstimate:
@@ -444,20 +434,14 @@ TOPIC, TYPE = "used_samples", "mwd_msgs/msg/UsedSamples"
 
 @dataclasses.dataclass
 class _Count:
-    """
-    Numbers of samples of one topic, in one run of the live estimator.
+    """Numbers of samples of one topic, in one run of the live estimator."""
 
-    first_ns, last_ns : stamps of the first and the last sample used live.
-    used : number of samples used live.
-    recorded : number of samples between these stamps in the recording.
-    recorded_from_ns : stamp of the first of these recorded samples.
-    """
-
+    #: `first_ns`, `last_ns`: stamps of the first and the last sample used live
     first_ns: int
     last_ns: int
-    used: int
-    recorded: int = 0
-    recorded_from_ns: int = 0
+    used: int  #: number of samples used live
+    recorded: int = 0  #: number of samples between these stamps in the recording
+    recorded_from_ns: int = 0  #: stamp of the first of these recorded samples
 
 
 class UsedSamples:
@@ -608,16 +592,11 @@ _SILENCE_NS = 60 * wire.NANOSECONDS
 
 @dataclasses.dataclass(frozen=True)
 class Imu:
-    """
-    IMU samples ready for the estimator.
-
-    log_ns : log times of the samples.
-    followed : smoothed gravity at the samples; None without a smoother.
-    """
+    """IMU samples ready for the estimator."""
 
     samples: Samples
-    log_ns: Stamps
-    followed: Track | None
+    log_ns: Stamps  #: log times of the samples
+    followed: Track | None  #: smoothed gravity at the samples; None without a smoother
 
 
 class ImuQueue:

@@ -3,22 +3,33 @@
 Comparison of two runs of the estimator: station by station, and statistics of their attitudes.
 
 The files of `mwd process` are compared, so that runs of two versions, two methods or two machines can be compared, or a
-run and its expected results (`golden`). Memory stays constant: both attitudes are read in parallel.
+run and its expected results. Memory stays constant: both attitudes are read in parallel.
+
+A golden folder holds a short bag with its expected results. Its input is `bag/`, `config.yaml` (settings of the
+estimator that differ from the default) and `limits.yaml` (name -> limit and its reason, see `LIMITS`); its results are
+`surveys.csv` and `attitude.csv` (one row per second, to keep it small).
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import shutil
+import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core.input_files import read_yaml
-from mwd_surface.processing import run_folder
+from mwd_surface.bags.bag_files import recording_of
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.processing import process, run_config, run_folder
 from mwd_surface.processing.run_folder import ANGLES, Rows
+from mwd_surface.surveys.recorded_settings import recorded_settings
 
 # Largest allowed differences, by name; without a limit, only rounding of the printed digits is allowed.
 LIMITS = (
@@ -41,64 +52,43 @@ _ROUNDING = 1.0 + 1e-9  # factor of a limit that allows for rounding
 
 @dataclasses.dataclass(frozen=True)
 class StationDifference:
-    """
-    One station of the expected run and its counterpart.
-
-    differences : by column, this run minus the expected run, deg (shares for sigmas); nan if only one run has the
-    value.
-    words : text on differences that are not numbers; empty if there are none.
-    """
+    """One station of the expected run and its counterpart."""
 
     sequence: str
     measured_depth: str
     stamp_difference_s: float
+    #: by column, this run minus the expected run, deg (shares for sigmas); nan if only one run has the value
     differences: dict[str, float]
-    words: tuple[str, ...]
+    words: tuple[str, ...]  #: text on differences that are not numbers; empty if there are none
 
 
 @dataclasses.dataclass(frozen=True)
 class DifferenceStatistics:
-    """
-    Differences of one quantity over the samples in which both runs have the quantity, deg.
-
-    count : number of these samples.
-    known_in_one : number of samples in which only one run has the quantity.
-    """
+    """Differences of one quantity over the samples in which both runs have the quantity, deg."""
 
     name: str
-    count: int
+    count: int  #: number of these samples
     mean: float
     rms: float
     largest: float
-    known_in_one: int
+    known_in_one: int  #: number of samples in which only one run has the quantity
 
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """
-    Differences between a run and the expected run.
-
-    Attributes
-    ----------
-    missing, extra : tuple of str
-        Stations only in the expected run, or only in this run, as "number at depth".
-    rows, rows_missing, rows_extra : int
-        Number of samples in both runs; only in the expected run; only in this run.
-    status_differs : int
-        Number of samples with different status words.
-    failures : tuple of str
-        A sentence for each limit that is exceeded; empty if the runs agree.
-    """
+    """Differences between a run and the expected run."""
 
     stations: tuple[StationDifference, ...]
+    #: `missing`, `extra`: stations only in the expected run, or only in this run, as "number at depth"
     missing: tuple[str, ...]
     extra: tuple[str, ...]
     statistics: tuple[DifferenceStatistics, ...]
+    #: `rows`, `rows_missing`, `rows_extra`: number of samples in both runs; only in the expected run; only in this run
     rows: int
     rows_missing: int
     rows_extra: int
-    status_differs: int
-    failures: tuple[str, ...]
+    status_differs: int  #: number of samples with different status words
+    failures: tuple[str, ...]  #: a sentence for each limit that is exceeded; empty if the runs agree
 
     @property
     def agree(self) -> bool:
@@ -339,3 +329,95 @@ def _rows(rows: Rows, index: NDArray[np.intp]) -> Rows:
 
 def _left(rows: Rows | None, more: Iterator[Rows]) -> int:
     return (len(rows["stamp_ns"]) if rows is not None else 0) + sum(len(block["stamp_ns"]) for block in more)
+
+
+_KEPT_EVERY_NS = 1_000_000_000  # interval of the attitude rows that are kept, ns
+
+
+def is_golden(folder: Path) -> bool:
+    """Return whether the folder holds a golden recording: a bag and the limits of its results."""
+    return (folder / "bag").is_dir() and (folder / "limits.yaml").is_file()
+
+
+def is_recording(path: Path) -> bool:
+    """Return whether the path is a recording or a folder that holds one; False for results of `mwd process`."""
+    path = recording_of(path)
+    if path.is_file():
+        return path.suffix in (".mcap", ".db3")
+    return (path / "metadata.yaml").is_file() or any(path.glob("*.mcap"))
+
+
+def limits_of(folder: Path) -> dict[str, float]:
+    """
+    Return the limits that belong to an expected run; empty if the folder has no limits.yaml.
+
+    Raises
+    ------
+    ValueError
+        limits.yaml is not valid.
+    """
+    file = folder / "limits.yaml"
+    return read_limits(file) if file.is_file() else {}
+
+
+@contextmanager
+def processed(path: Path, like: Path) -> Iterator[Path]:
+    """
+    Yield a folder of results: `path`, or, if `path` is a recording, a temporary folder with the recording's results.
+
+    The recording is processed with the settings of the results `like`.
+
+    Raises
+    ------
+    BagError, ValueError, OSError
+        The recording cannot be processed.
+    """
+    if not is_recording(path):
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="mwd_compare_") as folder:
+        run = Path(folder) / "run"
+        _process(path, like, run)
+        yield run
+
+
+def accept_golden(golden: Path) -> None:
+    """
+    Replace the expected results of a golden recording by the results of this version.
+
+    Raises
+    ------
+    ValueError
+        `golden` lacks its bag or its limits.
+    BagError, OSError
+        The bag cannot be processed, or the results cannot be written.
+    """
+    if not is_golden(golden):
+        raise ValueError(f"{golden} is not a golden recording: it needs bag/ and limits.yaml")
+    limits_of(golden)
+    with tempfile.TemporaryDirectory(prefix="mwd_golden_") as folder:
+        run = Path(folder) / "run"
+        _process(golden / "bag", golden, run)
+        _keep_some(run / "attitude.csv", golden / "attitude.csv")
+        shutil.copyfile(run / "surveys.csv", golden / "surveys.csv")
+
+
+def _process(path: Path, like: Path, run: Path) -> None:
+    config = like / "config.yaml"
+    estimator = run_config.estimator_config(config) if config.is_file() else EstimatorSettings()
+    with Bag(path) as bag:
+        process.process(bag, run, estimator, recorded=recorded_settings(bag))
+    if not run_folder.is_run(run):
+        raise ValueError(f"{path}: processing gave no results to compare")
+
+
+def _keep_some(source: Path, target: Path) -> None:
+    """Copy the header and the first row of every second as text, so that no number is rounded twice."""
+    last = -1
+    with source.open(encoding="utf-8") as rows, target.open("w", encoding="utf-8") as kept:
+        kept.write(next(rows))
+        for row in rows:
+            second = int(row.split(",", 1)[0]) // _KEPT_EVERY_NS
+            if second != last:
+                kept.write(row)
+                last = second

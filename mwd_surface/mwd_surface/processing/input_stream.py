@@ -458,22 +458,15 @@ def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.in
 
 @dataclasses.dataclass
 class _Course:
-    """
-    Recorder's clock minus the clock of a topic (the offset), from one jump of the offset to the next.
+    """Recorder's clock minus the clock of a topic (the offset), from one jump of the offset to the next."""
 
-    first_ns, last_ns : first and last log time.
-    last_offset : last offset, ns.
-    was_set : whether the course began because the clock was set, not because messages were delayed.
-    count : number of messages.
-    bins : smallest offset, ns, by number of the time bin.
-    """
-
+    #: `first_ns`, `last_ns`: first and last log time
     first_ns: int
     last_ns: int
-    last_offset: int
-    was_set: bool
-    count: int = 0
-    bins: dict[int, int] = dataclasses.field(default_factory=dict)
+    last_offset: int  #: last offset, ns
+    was_set: bool  #: whether the course began because the clock was set, not because messages were delayed
+    count: int = 0  #: number of messages
+    bins: dict[int, int] = dataclasses.field(default_factory=dict)  #: smallest offset, ns, by number of the time bin
 
     @property
     def least(self) -> int:

@@ -56,6 +56,9 @@ _PASSES = 6  # largest number of corrections of the settings
 # Number of each vector's sensor, and faults that a sensor has if its messages declare the vector absent.
 _SENSORS = {"angular_velocity": 0, "linear_acceleration": 1, "magnetic_field": 2}
 _MISSING = (FaultCode.DEAD, FaultCode.INVALID)
+# Step between the magnetic samples that are used; allowed additional standard deviation of the sine of the dip over the
+# attitudes; allowed difference between the mean dip and the reference, rad.
+_EVERY, _STEADY, _DIP = 7, 0.01, 0.05
 _ASKEW = (
     "the unit is mounted obliquely; its mount was found from the axis about which the string turns, which does not "
     "show the scribe line; correct the toolface with --set tool.toolface_offset_deg, or give the full mount with "
@@ -65,70 +68,39 @@ _ASKEW = (
 
 @dataclasses.dataclass(frozen=True)
 class Inspection:
-    """
-    Result of an inspection.
-
-    Attributes
-    ----------
-    times : dict of str to StreamTimes
-        Times of each topic used.
-    frames : dict of str to str
-        Frame that the messages of each topic name.
-    units : dict of str to str
-        Units of the readings, by name of the option.
-    mount : str
-        Mount of the units in the tool, as text.
-    turns_about : str
-        Axis of the unit about which the string turned, and its direction; empty if the string never turned.
-    rests : int or None
-        Number of intervals at rest that are long enough for a survey; None if the samples are too few to judge.
-    rest_s : float
-        Longest interval at rest.
-    faults : list of SensorFault
-        Sensor faults present at the end, with the samples read with the units and the mount found.
-    remarks : list of str
-        Sentences on anything unusual.
-    missing : list of (str, str)
-        Results that cannot be computed, each with the input that is missing.
-    surveys : list of str
-        Verdicts of the surveys that the command yields.
-    refusal : str
-        Reason why `mwd process` refuses the recording; empty if it accepts the recording.
-    command : str
-        Command that processes the recording; empty if `mwd process` refuses it.
-    """
+    """Result of an inspection."""
 
     topics: Topics
-    times: dict[str, StreamTimes]
-    frames: dict[str, str]
-    units: dict[str, str]
-    mount: str
+    times: dict[str, StreamTimes]  #: times of each topic used
+    frames: dict[str, str]  #: frame that the messages of each topic name
+    units: dict[str, str]  #: units of the readings, by name of the option
+    mount: str  #: mount of the units in the tool, as text
+    #: axis of the unit about which the string turned, and its direction; empty if the string never turned
     turns_about: str
+    #: number of intervals at rest that are long enough for a survey; None if the samples are too few to judge
     rests: int | None
-    rest_s: float
+    rest_s: float  #: longest interval at rest
+    #: sensor faults present at the end, with the samples read with the units and the mount found
     faults: list[SensorFault]
-    remarks: list[str]
-    missing: list[tuple[str, str]]
-    surveys: list[str]
-    refusal: str
-    command: str
+    remarks: list[str]  #: sentences on anything unusual
+    missing: list[tuple[str, str]]  #: results that cannot be computed, each with the input that is missing
+    surveys: list[str]  #: verdicts of the surveys that the command yields
+    refusal: str  #: reason why `mwd process` refuses the recording; empty if it accepts the recording
+    command: str  #: command that processes the recording; empty if `mwd process` refuses it
 
 
 @dataclasses.dataclass
 class _InspectionPass:
-    """
-    One reading of the whole recording: the settings with which the samples were read, and the findings.
-
-    turn : axis of the IMU that points down-hole, as text, for each interval of 3 s in which the string turned.
-    turned : sum of the rotation vectors in these intervals, in axes of the IMU, rad.
-    """
+    """One reading of the whole recording: the settings with which the samples were read, and the findings."""
 
     given: InputSettings
     estimator: EstimatorSettings
     times: dict[str, StreamTimes]
     rests: Rests
     remarks: list[str] = dataclasses.field(default_factory=list)
+    #: axis of the IMU that points down-hole, as text, for each interval of 3 s in which the string turned
     turn: list[str] = dataclasses.field(default_factory=list)
+    #: sum of the rotation vectors in these intervals, in axes of the IMU, rad
     turned: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
     faults: list[SensorFault] = dataclasses.field(default_factory=list)
     problems: list[StreamProblem] = dataclasses.field(default_factory=list)
@@ -175,7 +147,7 @@ def inspect(
     doubted = any(fault.code == FaultCode.AXES and fault.mappings[2] for fault in reading.faults)
     apart = "mag" in mount_of(bag, topics, reading.estimator.tool.mount).unusable and bool(reading.turn)
     if doubted or apart:
-        turned = mag_mounts(bag, topics, reading.given, reading.estimator)
+        turned = _mag_mounts(bag, topics, reading.given, reading.estimator)
         if len(turned) == 1:
             named = settings.changed(reading.estimator, {"tool.mount.mag": turned[0]})
             reading = _read(bag, topics, reading.given, named, progress)
@@ -282,7 +254,9 @@ def _read(
         if topics.imu in samples:
             raw = gate.imu(samples[topics.imu])
             if first:
-                _expect(state, estimator, int(raw["stamp_ns"][0]))
+                reference = _reference(estimator, int(raw["stamp_ns"][0]))
+                if reference is not None:
+                    monitor.set_reference(state, reference.gravity, reference.total, reference.dip)
                 first = False
             _note_turns(reading, raw)
             imu = mount.imu_in_tool(raw)
@@ -302,13 +276,6 @@ def _read(
         for fault in standing
     ]
     return reading
-
-
-def _expect(state: monitor.MonitorState, estimator: EstimatorSettings, first_ns: int) -> None:
-    """Give the checks the reference gravity and magnetic field of the place, if `reference_of` returns them."""
-    reference = reference_of(estimator, first_ns)
-    if reference is not None:
-        monitor.set_reference(state, reference.gravity, reference.total, reference.dip)
 
 
 def _note_turns(reading: _InspectionPass, imu: Samples) -> None:
@@ -446,18 +413,7 @@ def figures(times: StreamTimes) -> str:
     return f"{times.count} samples, {rate}"
 
 
-__all__ = ["BagError", "Inspection", "figures", "inspect"]
-
-
-# Mount of a magnetometer in the tool, found from the angle between gravity and the reference field in a recording.
-
-
-# Step between the magnetic samples that are used; allowed additional standard deviation of the sine of the dip over the
-# attitudes; allowed difference between the mean dip and the reference, rad.
-_EVERY, _STEADY, _DIP = 7, 0.01, 0.05
-
-
-def reference_of(estimator: EstimatorSettings, first_ns: int) -> Reference | None:
+def _reference(estimator: EstimatorSettings, first_ns: int) -> Reference | None:
     """Return the reference field of the place; None if no field is set, or if the model does not cover the date."""
     try:
         return derivation.reference(estimator, first_ns)
@@ -465,7 +421,7 @@ def reference_of(estimator: EstimatorSettings, first_ns: int) -> Reference | Non
         return None
 
 
-def mag_mounts(bag: Bag, topics: Topics, given: InputSettings, estimator: EstimatorSettings) -> list[str]:
+def _mag_mounts(bag: Bag, topics: Topics, given: InputSettings, estimator: EstimatorSettings) -> list[str]:
     """
     Return the mounts of the magnetometer that fit gravity and the reference field.
 
@@ -484,7 +440,7 @@ def mag_mounts(bag: Bag, topics: Topics, given: InputSettings, estimator: Estima
         at = np.searchsorted(imu["stamp_ns"], mag["stamp_ns"]).clip(max=len(imu) - 1)
         up.append(imu["linear_acceleration"][at])
         field.append(mag["magnetic_field"])
-    reference = reference_of(estimator, first_ns)
+    reference = _reference(estimator, first_ns)
     if not up or reference is None or reference.dip is None:
         return []
     f, b = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (np.concatenate(up), np.concatenate(field)))

@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Log samples computed from the raw data of a recording, by the kernels of the live estimator."""
+"""
+Log samples computed from the raw data of a recording by the kernels of the live estimator, and a simulated memory.
+
+The memory of a tool has the log channels at a higher rate, the rotation and the surveys of a simulated run.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +24,8 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.telemetry import log_channels, tool_configuration
 from mwd_sensors.telemetry.log_channels import LogChannel, LogSample
 from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.logs.memory_merge import GRAVITY
 from mwd_surface.logs.recorded_log import topic_of
 from mwd_surface.processing.bag_estimate import BagEstimate
 from mwd_surface.processing.bag_input import InputSettings, find_topics
@@ -91,3 +98,94 @@ def _all(bag: Bag, topic: str | None, layout: wire.Layout) -> Samples:
     if topic is None:
         return layout.empty(0)
     return wire.decode_messages(layout, [data for _, _, _, data in bag.messages([topic])])[0]
+
+
+_ROTATION_NS = 100_000_000  # averaging interval of the rotary speed, ns
+
+
+@dataclasses.dataclass(frozen=True)
+class DumpClock:
+    """Error of a memory's clock relative to the recorded stamps: offset at the start, s, and drift, s/s."""
+
+    offset_s: float = 0.0
+    drift: float = 0.0
+
+    def stamps(self, stamp_ns: np.ndarray, begin_ns: int) -> np.ndarray:
+        """Return the stamps that the clock of the memory would give, ns."""
+        since = (stamp_ns - begin_ns).astype(float)
+        return np.asarray(stamp_ns + np.round(self.offset_s * 1e9 + self.drift * since).astype(np.int64))
+
+
+def dump_memory(
+    bag: Bag,
+    path: Path,
+    channels: dict[str, LogChannel],
+    clock: DumpClock,
+    *,
+    interval_s: int = 2,
+    recorded: Recorded | None = None,
+) -> tuple[int, int]:
+    """
+    Simulate a dump of a tool's memory from a recording of the sensors; return the numbers of log samples and surveys.
+
+    Parameters
+    ----------
+    bag : Bag
+        Recording of the sensors.
+    path : Path
+        Folder of the dump.
+    interval_s : int
+        Interval of all channels.
+    recorded : Recorded, optional
+        Settings in the recording.
+
+    Raises
+    ------
+    BagError, ValueError
+        See `process.process`.
+    FileExistsError
+        `path` exists.
+    """
+    estimator = (recorded.estimator if recorded is not None else None) or EstimatorSettings()
+    faster = {name: dataclasses.replace(one, interval_s=interval_s) for name, one in channels.items()}
+    surveys: list[Survey] = []
+    samples = computed_samples(bag, estimator, InputSettings(), faster, recorded, surveys.append)
+    rows = _rotation(bag)
+    begin_ns = int(rows["stamp_ns"][0]) if len(rows) else bag.start_ns
+    rows["stamp_ns"] = clock.stamps(rows["stamp_ns"], begin_ns)
+    with BagWriter(path, custom={"memory": "dump"}) as out:
+        speed = out.topic("/" + GRAVITY, wire.GRAVITY.type_name)
+        log = out.topic("/log", LogSample.MESSAGE)
+        out.write_rows(speed, wire.GRAVITY.encode(rows, wire.SONDE_FRAME), rows["stamp_ns"])
+        taken = out.topic("/survey", Survey.MESSAGE)
+        kept: tuple[tuple[int, Sequence[LogSample | Survey]], ...] = ((log, samples), (taken, surveys))
+        for topic, records in kept:
+            stamps = clock.stamps(np.array([one.stamp_ns for one in records], dtype=np.int64), begin_ns)
+            for stamp_ns, record in zip(stamps.tolist(), records, strict=True):
+                moved = dataclasses.replace(record, stamp_ns=stamp_ns, frame_id=wire.SONDE_FRAME)
+                data = out.definitions.typestore.serialize_cdr(moved.to_message(out.definitions.make), moved.MESSAGE)
+                out.write(topic, bytes(data), stamp_ns)
+    return len(samples), len(surveys)
+
+
+def _rotation(bag: Bag) -> Samples:
+    """
+    Return samples of `wire.GRAVITY` with the rotary speed of the tool, rad/s; all other values are NaN.
+
+    The speed is the mean of the gyro's x axis over each 0.1 s. The rotary speed of the estimator is not used, because a
+    filter delays this speed by half a second.
+    """
+    name = find_topics(bag, InputSettings()).imu
+    imu, _ = wire.decode_messages(wire.IMU, [data for _, _, _, data in bag.messages([name])])
+    if not len(imu):
+        return wire.GRAVITY.empty(0)
+    cells = imu["stamp_ns"] // _ROTATION_NS
+    starts = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1))
+    counts = np.diff(np.append(starts, len(imu)))
+    rows = wire.GRAVITY.empty(len(starts))
+    for field in ("gravity", "sigma", "non_gravity"):
+        rows[field] = np.nan
+    since = imu["stamp_ns"] - imu["stamp_ns"][0]
+    rows["stamp_ns"] = imu["stamp_ns"][0] + np.round(np.add.reduceat(since, starts) / counts).astype(np.int64)
+    rows["rotary_speed"] = np.add.reduceat(imu["angular_velocity"][:, 0], starts) / counts
+    return rows

@@ -29,17 +29,13 @@ _LATEST_NS = 10 * NANOSECONDS
 
 @dataclasses.dataclass(frozen=True)
 class RecordedRequest:
-    """
-    One request.
+    """One request."""
 
-    stamp_ns, log_ns : stamp of the last sample before the request, and log time of the request's message.
-    apply : action on the pipeline.
-    """
-
+    #: `stamp_ns`, `log_ns`: stamp of the last sample before the request, and log time of the request's message
     stamp_ns: int
     log_ns: int
     kind: str
-    apply: Callable[[Pipeline], Output | None]
+    apply: Callable[[Pipeline], Output | None]  #: action on the pipeline
     begins_anew: bool = False  #: restarts the estimate: later samples of the other sensors are needed again
 
 

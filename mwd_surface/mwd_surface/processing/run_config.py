@@ -55,19 +55,13 @@ class _InputFile:
 
 @dataclasses.dataclass(frozen=True)
 class ProcessedInput:
-    """
-    Recording and settings from which `mwd process` computed the results in a folder.
-
-    calibrated : whether a calibration was applied to the recording.
-    given : settings of the input.
-    remarks : sentences about settings that this version cannot use.
-    """
+    """Recording and settings from which `mwd process` computed the results in a folder."""
 
     recording: Path
-    calibrated: bool
-    given: InputSettings
+    calibrated: bool  #: whether a calibration was applied to the recording
+    given: InputSettings  #: settings of the input
     estimator: EstimatorSettings
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()  #: sentences about settings that this version cannot use
 
 
 def processed_input(folder: Path) -> ProcessedInput | None:

@@ -35,73 +35,46 @@ TOOL_ASSUMED = (
 
 @dataclasses.dataclass
 class Summary:
-    """
-    Summary of the processing of a bag.
-
-    Attributes
-    ----------
-    rows : int
-        Number of IMU messages.
-    start_ns, end_ns : int
-        Stamps of the first and the last IMU message, ns since 1970.
-    rejected, gaps, without_gravity, without_azimuth : int
-        Number of rows flagged as rejected, flagged as following a gap, without gravity, and without azimuth.
-    disturbed : int
-        Number of rows without an azimuth because the magnetic field differed from its reference.
-    total_off, dip_off : float
-        Largest deviation of total field, T, and dip, rad, from the reference in blocks with such rows.
-    lowest, highest : float
-        Range of the inclination, rad; nan if the inclination was never known.
-    north, reference : str
-        North of the azimuth, and source of the reference field.
-    surveys : list of (DecidedSurvey, measured depth in m or nan)
-        Surveys as first decided, with their depths.
-    listed : SurveyList
-        Survey list in the form of the surface node, with the definitive values of these surveys.
-    depths : str
-        Source of the depths of the surveys, as text.
-    live : str
-        Comparison of `listed` with the live list of the recording, as text; empty if there is no live list.
-    no_survey : str
-        Reason why there is no survey, as text; empty if there are surveys.
-    faults : list of SensorFault
-        Faults of sensors, as they were found, narrowed down or cleared.
-    files : list of str
-        Names of the files written.
-    mag_used : bool
-        Whether the magnetometer was used.
-    other_input : list of str
-        Differences between the recorded samples and those that the live estimator used; empty if there are none.
-    as_live : bool
-        Whether the settings are those of the live survey list in the recording.
-    """
+    """Summary of the processing of a bag."""
 
     topics: Topics
-    rows: int = 0
+    rows: int = 0  #: number of IMU messages
+    #: `start_ns`, `end_ns`: stamps of the first and the last IMU message, ns since 1970
     start_ns: int = 0
     end_ns: int = 0
+    #: `rejected`, `gaps`, `without_gravity`, `without_azimuth`: number of rows flagged as rejected, flagged as
+    #: following a gap, without gravity, and without azimuth
     rejected: int = 0
     gaps: int = 0
     without_gravity: int = 0
     without_azimuth: int = 0
-    disturbed: int = 0
+    disturbed: int = 0  #: number of rows without an azimuth because the magnetic field differed from its reference
+    #: `total_off`, `dip_off`: largest deviation of total field, T, and dip, rad, from the reference in blocks with such
+    #: rows
     total_off: float = 0.0
     dip_off: float = 0.0
+    #: `lowest`, `highest`: range of the inclination, rad; nan if the inclination was never known
     lowest: float = math.nan
     highest: float = math.nan
+    #: `north`, `reference`: north of the azimuth, and source of the reference field
     north: str = "magnetic"
     reference: str = "none"
+    #: surveys as first decided, with their depths
     surveys: list[tuple[DecidedSurvey, float]] = dataclasses.field(default_factory=list)
+    #: survey list in the form of the surface node, with the definitive values of these surveys
     listed: SurveyList = dataclasses.field(default_factory=SurveyList)
-    depths: str = ""
+    depths: str = ""  #: source of the depths of the surveys, as text
+    #: comparison of `listed` with the live list of the recording, as text; empty if there is no live list
     live: str = ""
-    no_survey: str = ""
+    no_survey: str = ""  #: reason why there is no survey, as text; empty if there are surveys
+    #: faults of sensors, as they were found, narrowed down or cleared
     faults: list[SensorFault] = dataclasses.field(default_factory=list)
     warnings: list[str] = dataclasses.field(default_factory=list)
-    files: list[str] = dataclasses.field(default_factory=list)
-    mag_used: bool = True
+    files: list[str] = dataclasses.field(default_factory=list)  #: names of the files written
+    mag_used: bool = True  #: whether the magnetometer was used
+    #: differences between the recorded samples and those that the live estimator used; empty if there are none
     other_input: list[str] = dataclasses.field(default_factory=list)
-    as_live: bool = False
+    as_live: bool = False  #: whether the settings are those of the live survey list in the recording
 
     @property
     def seconds(self) -> float:

@@ -25,8 +25,8 @@ from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.foreign_text import first_of
 from mwd_sensors.core.input_files import check_regular, read_file
 from mwd_surface.list_files import moments
+from mwd_surface.list_files.exchange_formats import is_las, las_table
 from mwd_surface.list_files.grid_file import Row, is_spreadsheet
-from mwd_surface.list_files.las_table import is_las, las_table
 from mwd_surface.list_files.number_cells import NULL_NUMBERS, Cell, decimal_mark, looks_like_number, split
 from mwd_surface.list_files.table import Table, table_of
 from mwd_surface.receiver import json_columns, table_times

@@ -46,31 +46,14 @@ _MARGIN = 10.0
 
 @dataclasses.dataclass(frozen=True)
 class CalibrationReadings:
-    """
-    Readings of one unit over a run.
+    """Readings of one unit over a run."""
 
-    Attributes
-    ----------
-    source : str
-        Description of the run, shown to users.
-    unit : str
-        Name of the unit, a key of `UNITS`.
-    imu : Samples, shape (n,)
-        Layout `wire.IMU`, in order of time.
-    mag : ndarray, shape (n, 3), or None
-        Magnetic field, T, interpolated to the stamps of `imu`.
-    celsius : ndarray, shape (n,)
-        Temperature, degC, interpolated to the stamps of `imu`.
-    rate : float
-        Sample rate, Hz.
-    """
-
-    source: str
-    unit: str
-    imu: Samples
-    mag: Array | None
-    celsius: Array
-    rate: float
+    source: str  #: description of the run, shown to users
+    unit: str  #: name of the unit, a key of `UNITS`
+    imu: Samples  #: shape (n,); layout `wire.IMU`, in order of time
+    mag: Array | None  #: shape (n, 3); magnetic field, T, interpolated to the stamps of `imu`
+    celsius: Array  #: shape (n,); temperature, degC, interpolated to the stamps of `imu`
+    rate: float  #: sample rate, Hz
 
 
 def simulated(scenario: Scenario, unit: str) -> CalibrationReadings:

@@ -46,6 +46,21 @@ class CheckResult:
     remedy: str = ""
 
 
+def ok(name: str, state: str) -> CheckResult:
+    """Return the result of a check that found no problem."""
+    return CheckResult(name, CheckLevel.OK, state)
+
+
+def note(name: str, state: str, remedy: str = "") -> CheckResult:
+    """Return the result of a check that found something unusual."""
+    return CheckResult(name, CheckLevel.NOTE, state, remedy)
+
+
+def missing(name: str, state: str, remedy: str) -> CheckResult:
+    """Return the result of a check that found something essential missing."""
+    return CheckResult(name, CheckLevel.MISSING, state, remedy)
+
+
 def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT) -> list[CheckResult]:
     """
     Run all checks; return their results, in the order in which problems should be fixed.
@@ -110,28 +125,26 @@ def python() -> CheckResult:
     """Return OK if the ROS wheels are made for this Python version, else MISSING."""
     version = platform.python_version()
     if sys.version_info[:2] in _PYTHONS:
-        return CheckResult("Python", CheckLevel.OK, version)
+        return ok("Python", version)
     wanted = " or ".join(f"{a}.{b}" for a, b in _PYTHONS)
-    return CheckResult(
-        "Python", CheckLevel.MISSING, version, f"install Python {wanted} and run `make setup PYTHON=python3.12`"
-    )
+    return missing("Python", version, f"install Python {wanted} and run `make setup PYTHON=python3.12`")
 
 
 def package(name: str, why: str) -> CheckResult:
     """Return OK if a required package is installed, else MISSING; why: its purpose, for the message."""
     if importlib.util.find_spec(name) is None:
         remedy = "run `make setup`, or pip install it into this Python"
-        return CheckResult(name, CheckLevel.MISSING, f"not installed; needed for {why}", remedy)
+        return missing(name, f"not installed; needed for {why}", remedy)
     distribution = {"yaml": "PyYAML"}.get(name, name)
-    return CheckResult(name, CheckLevel.OK, _version(distribution))
+    return ok(name, _version(distribution))
 
 
 def interface(what: str, module: str, distribution: str) -> CheckResult:
     """Return OK if the package of an optional interface is installed, else NOTE; what: name of the interface."""
     if importlib.util.find_spec(module) is None:
         remedy = f"{Path(sys.prefix) / 'bin' / 'python'} -m pip install {distribution}"
-        return CheckResult(what, CheckLevel.NOTE, f"not available, because {distribution} is not installed", remedy)
-    return CheckResult(what, CheckLevel.OK, f"{distribution} {_version(distribution)}")
+        return note(what, f"not available, because {distribution} is not installed", remedy)
+    return ok(what, f"{distribution} {_version(distribution)}")
 
 
 def rig_port(what: str, port: int) -> CheckResult:
@@ -146,20 +159,20 @@ def middleware() -> CheckResult:
     words = "import rclpy, sys; from rclpy.utilities import get_rmw_implementation_identifier as f; print(f())"
     done = _ask([sys.executable, "-c", words], environment)
     if done.returncode == 0:
-        return CheckResult("ROS 2", CheckLevel.OK, f"rclpy with {done.stdout.strip()}")
+        return ok("ROS 2", f"rclpy with {done.stdout.strip()}")
     last = (done.stderr.strip().splitlines() or ["no answer"])[-1]
     remedy = (
         "run `make setup` for the wheels, or source /opt/ros/jazzy/setup.bash; recordings can be processed without ROS"
     )
-    return CheckResult("ROS 2", CheckLevel.MISSING, f"rclpy cannot be imported: {last}", remedy)
+    return missing("ROS 2", f"rclpy cannot be imported: {last}", remedy)
 
 
 def messages() -> CheckResult:
     """Return OK if mwd_msgs is built for this Python, else MISSING."""
     if importlib.util.find_spec("mwd_msgs") is None:
         remedy = "run `make setup`, or `colcon build` and source install/setup.bash"
-        return CheckResult("mwd_msgs", CheckLevel.MISSING, "not built", remedy)
-    return CheckResult("mwd_msgs", CheckLevel.OK, "built")
+        return missing("mwd_msgs", "not built", remedy)
+    return ok("mwd_msgs", "built")
 
 
 def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
@@ -171,18 +184,14 @@ def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
     distro = environment.get("ROS_DISTRO", "")
     if distro and distro != "jazzy":
         remedy = "open a new shell in which no other ROS distribution is sourced"
-        return CheckResult(
-            "environment", CheckLevel.MISSING, f"ROS {distro} is sourced; the program needs jazzy", remedy
-        )
+        return missing("environment", f"ROS {distro} is sourced; the program needs jazzy", remedy)
     here = Path(sys.prefix).resolve()
     prefixes = [p for p in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
     others = [p for p in prefixes if Path(p).resolve() != here]
     if others and importlib.util.find_spec("ros_wheels_bootstrapper") is not None:
         state = f"AMENT_PREFIX_PATH also names {', '.join(others)}"
-        return CheckResult(
-            "environment", CheckLevel.NOTE, state, "unset AMENT_PREFIX_PATH, unless you want to use this workspace"
-        )
-    return CheckResult("environment", CheckLevel.OK, distro or "wheels, nothing sourced")
+        return note("environment", state, "unset AMENT_PREFIX_PATH, unless you want to use this workspace")
+    return ok("environment", distro or "wheels, nothing sourced")
 
 
 def discovery(environment: Mapping[str, str]) -> CheckResult:
@@ -194,15 +203,11 @@ def discovery(environment: Mapping[str, str]) -> CheckResult:
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     domain = environment.get("ROS_DOMAIN_ID", "0")
     if not domain.isdigit() or int(domain) > 232:
-        return CheckResult(
-            "domain", CheckLevel.MISSING, f"ROS_DOMAIN_ID is {domain!r}", "set it to a number from 0 to 101"
-        )
+        return missing("domain", f"ROS_DOMAIN_ID is {domain!r}", "set it to a number from 0 to 101")
     if reach.upper() == "SUBNET":
         state = f"domain {domain}, the whole network discovers the nodes and may publish to them"
-        return CheckResult(
-            "discovery", CheckLevel.NOTE, state, "unset ROS_AUTOMATIC_DISCOVERY_RANGE, unless you want this"
-        )
-    return CheckResult("discovery", CheckLevel.OK, f"domain {domain}, {reach}")
+        return note("discovery", state, "unset ROS_AUTOMATIC_DISCOVERY_RANGE, unless you want this")
+    return ok("discovery", f"domain {domain}, {reach}")
 
 
 def receive_buffer() -> CheckResult:
@@ -215,16 +220,14 @@ def receive_buffer() -> CheckResult:
     try:
         most = int(limit.read_text(encoding="ascii"))
     except (OSError, ValueError):
-        return CheckResult(
-            "receive buffer", CheckLevel.NOTE, f"{limit} cannot be read, so the largest receive buffer is unknown"
-        )
+        return note("receive buffer", f"{limit} cannot be read, so the largest receive buffer is unknown")
     state = f"at most {most / 2**20:.1f} MiB for a socket"
     if most < _RECEIVE_BUFFER:
         remedy = (
             f"streams at 1 kHz lose samples on a busy machine; run sudo sysctl -w net.core.rmem_max={_RECEIVE_BUFFER}"
         )
-        return CheckResult("receive buffer", CheckLevel.NOTE, state, remedy)
-    return CheckResult("receive buffer", CheckLevel.OK, state)
+        return note("receive buffer", state, remedy)
+    return ok("receive buffer", state)
 
 
 def disk(folder: Path) -> CheckResult:
@@ -236,13 +239,11 @@ def disk(folder: Path) -> CheckResult:
         with tempfile.TemporaryFile(dir=place):
             free = shutil.disk_usage(place).free
     except OSError as error:
-        return CheckResult(
-            "recordings", CheckLevel.MISSING, f"{folder}: {error.strerror}", "choose another --output folder"
-        )
+        return missing("recordings", f"{folder}: {error.strerror}", "choose another --output folder")
     state = f"{folder}: {free / 1e9:.0f} GB free"
     if free < _LEAST_DISK:
-        return CheckResult("recordings", CheckLevel.NOTE, state, "free some space, or choose another --output folder")
-    return CheckResult("recordings", CheckLevel.OK, state)
+        return note("recordings", state, "free some space, or choose another --output folder")
+    return ok("recordings", state)
 
 
 def page_port(port: int) -> CheckResult:
@@ -257,21 +258,21 @@ def clock() -> CheckResult:
     Stamps of different machines are compared, so their clocks should agree.
     """
     if shutil.which("timedatectl") is None:
-        return CheckResult("clock", CheckLevel.OK, "not known here")
+        return ok("clock", "not known here")
     done = _ask(["timedatectl", "show", "-p", "NTPSynchronized", "--value"], dict(os.environ))
     if done.returncode == 0 and done.stdout.strip() == "no":
         remedy = "install chrony, if rig data comes from another machine"
-        return CheckResult("clock", CheckLevel.NOTE, "not synchronised", remedy)
-    return CheckResult("clock", CheckLevel.OK, "synchronised" if done.returncode == 0 else "not known here")
+        return note("clock", "not synchronised", remedy)
+    return ok("clock", "synchronised" if done.returncode == 0 else "not known here")
 
 
 def tool(name: str, why: str) -> CheckResult:
     """Return OK if a program that only the build needs is installed, else NOTE; why: its purpose, for the message."""
     found = shutil.which(name)
     if found:
-        return CheckResult(name, CheckLevel.OK, found)
+        return ok(name, found)
     remedy = f"on Debian or Ubuntu: sudo apt install {'g++' if name == 'c++' else name}"
-    return CheckResult(name, CheckLevel.NOTE, f"not found; needed for {why}", remedy)
+    return note(name, f"not found; needed for {why}", remedy)
 
 
 def _version(distribution: str) -> str:
@@ -283,8 +284,8 @@ def _version(distribution: str) -> str:
 
 def _port(name: str, port: int, remedy: str) -> CheckResult:
     if taken := port_taken(port):
-        return CheckResult(name, CheckLevel.NOTE, f"port {port}: {taken}", remedy)
-    return CheckResult(name, CheckLevel.OK, f"port {port} is free")
+        return note(name, f"port {port}: {taken}", remedy)
+    return ok(name, f"port {port} is free")
 
 
 def port_taken(port: int) -> str:

@@ -12,9 +12,11 @@ import dataclasses
 import math
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from mwd_sensors.core import wire
+from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.bags.bag_reader import Bag, BagError, Message
 from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.inputs import InputTable
@@ -29,9 +31,9 @@ from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_context import WellContext, WellOutlet
 from mwd_surface.live.well_state import WellState
 from mwd_surface.logs.depth_log import STEP_M, DepthLog
-from mwd_surface.logs.recorded_log import RIG, namespace_with
-from mwd_surface.logs.tool_health import HealthLedger
-from mwd_surface.logs.tool_table import TOOL, recorded_limits
+from mwd_surface.logs.log_journal import NAME, lines_of, restore
+from mwd_surface.logs.recorded_log import FILE, RIG, TOOL, TOPICS, limits_of_run, namespace_with, recorded_limits
+from mwd_surface.logs.tool_health import HealthLedger, ToolHealth
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
@@ -40,8 +42,7 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import AdvisorySettings
 from mwd_surface.trajectory.plan import Plan
-from mwd_surface.trajectory.slide_file import SLIDES, recorded_stretches
-from mwd_surface.trajectory.slide_sheet import SlideRules
+from mwd_surface.trajectory.slide_sheet import SLIDES, SlideRules, recorded_stretches
 
 #: Topics with depths of the bit, and their types: rig data, and depths that people have set.
 OF_DEPTH = {RIG: wire.RIG_STATE.type_name, "inputs": InputTable.MESSAGE}
@@ -285,3 +286,35 @@ def namespace_of(bag: Bag) -> str:
     ]
     spaces = {name.removesuffix(_LINK_ATTITUDE).removesuffix("attitude") for name in found}
     return spaces.pop() if len(spaces) == 1 else bag.find_topic(wire.ATTITUDE.type_name, "attitude")[:-8]
+
+
+_PLAYED = {**OF_DEPTH, **dict.fromkeys(TOPICS, LogSample.MESSAGE)}
+
+
+def run_logs(path: Path, sensor_to_bit: float) -> tuple[DepthLog, ToolHealth] | None:
+    """
+    Return the logs and the health of the tool of a run; None if it has neither a journal of logs nor recorded samples.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of a run, a survey list in it, or a recording.
+    sensor_to_bit : float
+        Distance from the sonde to the bit, m, for a folder.
+    """
+    folders = [path.parent] if path.is_file() else [path, path / "surveys", *path.glob("*/surveys")]
+    journal = next((folder / NAME for folder in folders if (folder / NAME).is_file()), None)
+    if journal is not None:
+        limits, remark = limits_of_run(journal.with_name(FILE))
+        log, health = DepthLog(sensor_to_bit), HealthLedger(limits)
+        restore(lines_of(journal), log, health)
+        return log, dataclasses.replace(health.health(), remarks=(remark,) if remark else ())
+    if not path.is_dir() or not any(path.glob("*.mcap")):
+        return None
+    with Bag(path) as bag:
+        namespace = namespace_with(bag, _PLAYED)
+        if namespace is None:
+            return None
+        player = Player(bag, namespace, only=frozenset(_PLAYED))
+        player.seek(player.length_s)
+        return player.well.book.logs, player.state().tool_health

@@ -12,7 +12,7 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.pressure_files import PressureFile
 from mwd_surface.receiver.pulse.pulse_receiver import LEAST_PER_TU
-from mwd_surface.runs.doctor import CheckLevel, CheckResult
+from mwd_surface.runs.doctor import CheckResult, missing, note, ok
 
 # Lowest standpipe pressure while drilling, Pa. Values in bar or psi that are read as Pa are far below this limit.
 _LEAST_PA = 3.0e5
@@ -32,7 +32,7 @@ def examine_pressure(read: PressureFile, tool: ToolConfiguration | None = None) 
         Tool whose telemetry the file should contain.
     """
     results = [_rate(read.time_s, tool), _size(read.pressure_pa), _resolution(read.pressure_pa), _flow(read, tool)]
-    results += [CheckResult("data", CheckLevel.NOTE, note) for note in read.notes]
+    results += [note("data", text) for text in read.notes]
     return results
 
 
@@ -48,8 +48,8 @@ def _rate(time: Array, tool: ToolConfiguration | None) -> CheckResult:
     )
     if tool is not None and tool.code == "mary" and tool.pulse_width_s < narrowest * (1.0 - 1e-6):
         needed = 2.0 * LEAST_PER_TU / tool.pulse_width_s
-        return CheckResult("sample rate", CheckLevel.MISSING, state, f"record {needed:.3g} samples a second or more")
-    return CheckResult("sample rate", CheckLevel.OK, state)
+        return missing("sample rate", state, f"record {needed:.3g} samples a second or more")
+    return ok("sample rate", state)
 
 
 def _size(pressure: Array) -> CheckResult:
@@ -57,14 +57,14 @@ def _size(pressure: Array) -> CheckResult:
     state = f"median {middle:.4g} bar, most values from {low:.4g} to {high:.4g} bar"
     if high * _BAR < _LEAST_PA:
         remedy = "check the unit, and name the column by it: pressure_bar, pressure_psi, pressure_kpa or pressure_mpa"
-        return CheckResult("size", CheckLevel.NOTE, f"{state}: this is too low for a standpipe", remedy)
-    return CheckResult("size", CheckLevel.OK, state)
+        return note("size", f"{state}: this is too low for a standpipe", remedy)
+    return ok("size", state)
 
 
 def _resolution(pressure: Array) -> CheckResult:
     steps = np.diff(np.unique(pressure))
     if len(steps) == 0:
-        return CheckResult("resolution", CheckLevel.MISSING, "all samples are equal", "check the gauge and its cable")
+        return missing("resolution", "all samples are equal", "check the gauge and its cable")
     # The steps of an analog-to-digital converter are multiples of one step. The smallest step of computed values has no
     # meaning, so use a percentile.
     step = float(np.percentile(steps, 5))
@@ -73,8 +73,8 @@ def _resolution(pressure: Array) -> CheckResult:
     state = f"steps of {step / _BAR:.3g} bar, noise from sample to sample {noise / _BAR:.3g} bar"
     if step**2 / 12.0 > _ROUNDING * noise**2 and len(steps) < len(pressure) // 2:
         remedy = "use a gauge or converter with a smaller range or more bits; rounding hides weak pulses"
-        return CheckResult("resolution", CheckLevel.NOTE, state, remedy)
-    return CheckResult("resolution", CheckLevel.OK, state)
+        return note("resolution", state, remedy)
+    return ok("resolution", state)
 
 
 def _flow(read: PressureFile, tool: ToolConfiguration | None) -> CheckResult:
@@ -84,6 +84,6 @@ def _flow(read: PressureFile, tool: ToolConfiguration | None) -> CheckResult:
     delay = "" if tool is None else f"; a survey begins {tool.transmit_delay_s + tool.head_s:.0f} s later"
     if not starts:
         remedy = "a pulse tool sends its sync after the pumps start; start the recording before the pumps"
-        return CheckResult("flow", CheckLevel.NOTE, "the pumps never start in this file", remedy)
+        return note("flow", "the pumps never start in this file", remedy)
     at = ", ".join(f"{start:.0f}" for start in starts[:8])
-    return CheckResult("flow", CheckLevel.OK, f"the pumps start at {at} s{delay}")
+    return ok("flow", f"the pumps start at {at} s{delay}")

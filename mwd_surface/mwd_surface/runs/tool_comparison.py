@@ -63,18 +63,14 @@ class ToolDirection:
 
 @dataclasses.dataclass(frozen=True)
 class ToolStation:
-    """
-    Survey with both tools: measured depth, m, the readings of both tools, and the truth of the simulation.
-
-    automatic: whether the tool took the survey by itself. accepted: whether its azimuth was accepted.
-    """
+    """Survey with both tools: measured depth, m, the readings of both tools, and the truth of the simulation."""
 
     measured_depth: float
     conventional: ToolDirection
     gyro: ToolDirection
     truth: ToolDirection
-    automatic: bool
-    accepted: bool
+    automatic: bool  #: whether the tool took the survey by itself
+    accepted: bool  #: whether its azimuth was accepted
 
 
 def compared(story: Scenario) -> list[ToolStation]:

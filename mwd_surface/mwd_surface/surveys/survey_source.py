@@ -26,8 +26,7 @@ from mwd_surface.surveys.recorded_settings import recorded_settings
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_store import NotWholeError, decoded
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.slide_file import NAME, read_stretches
-from mwd_surface.trajectory.slide_sheet import DrilledStretch
+from mwd_surface.trajectory.slide_sheet import NAME, DrilledStretch, read_stretches
 
 LIST_TYPE, PATH_TYPE = "mwd_msgs/msg/SurveyList", "mwd_msgs/msg/Trajectory"
 _NO_WELL = (

@@ -28,8 +28,8 @@ from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import Plan, interpolated, nearest
 from mwd_surface.trajectory.well_path import Definitive
 from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError, ErrorReference
+from mwd_surface.uncertainty.position_covariance import UncertainWell
 from mwd_surface.uncertainty.programme import ROTARY, ROTARY_CODE, ProgrammeStations, SurveyProgramme, read_programme
-from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
 AHEAD = "planned"
 _OF_START = (RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.TIE_ON_ASSUMED)

@@ -74,43 +74,30 @@ class AdvisorySettings:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Advice(MessageRecord):
-    """
-    Advice for the next interval, with the fields of mwd_msgs/SteeringAdvice; NaN if unknown.
-
-    Attributes
-    ----------
-    toolface : float
-        Toolface for mode SLIDE, rad, from the high side, or from north if `magnetic`; NaN for other modes.
-    toolface_mode : int
-        As in mwd_msgs/Toolface: 0 from the high side, 1 from north.
-    limit : float
-        Allowed deviation of the toolface, rad.
-    sigma, confidence : float
-        1 sigma of the toolface, rad; probability that the needed toolface deviates by less than `limit`.
-    from_depth, slide_to_depth, to_depth : float
-        Measured depths of the bit: start, end of the slide, end of the interval, m.
-    valid_for : float
-        Time after `stamp_ns` for which the advice holds, s; NaN: it holds until the interval is drilled.
-    dogleg_severity, motor_yield : float
-        Dogleg severity needed, and dogleg per metre slid, rad/m.
-    survey, stamp_ns
-        Number and stamp of the survey on which the advice is based, or 0.
-    """
+    """Advice for the next interval, with the fields of mwd_msgs/SteeringAdvice; NaN if unknown."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/SteeringAdvice"
 
     mode: AdviceMode = AdviceMode.NONE
+    #: toolface for mode SLIDE, rad, from the high side, or from north if `magnetic`; NaN for other modes
     toolface: float = math.nan
-    toolface_mode: int = 0
-    limit: float = 0.0
+    toolface_mode: int = 0  #: as in mwd_msgs/Toolface: 0 from the high side, 1 from north
+    limit: float = 0.0  #: allowed deviation of the toolface, rad
+    #: `sigma`, `confidence`: 1 sigma of the toolface, rad; probability that the needed toolface deviates by less than
+    #: `limit`
     sigma: float = math.nan
     confidence: float = math.nan
+    #: `from_depth`, `slide_to_depth`, `to_depth`: measured depths of the bit: start, end of the slide, end of the
+    #: interval, m
     from_depth: float = math.nan
     slide_to_depth: float = math.nan
     to_depth: float = math.nan
+    #: time after `stamp_ns` for which the advice holds, s; NaN: it holds until the interval is drilled
     valid_for: float = math.nan
+    #: `dogleg_severity`, `motor_yield`: dogleg severity needed, and dogleg per metre slid, rad/m
     dogleg_severity: float = math.nan
     motor_yield: float = math.nan
+    #: `survey`, `stamp_ns`: number and stamp of the survey on which the advice is based, or 0
     survey: int = 0
     stamp_ns: int = 0
     source: str = ""
@@ -124,17 +111,13 @@ class Advice(MessageRecord):
 
 @dataclasses.dataclass(frozen=True)
 class AdviceBasis:
-    """
-    Survey on which an advice is based: number, stamp, and sigmas, rad, NaN if unknown.
-
-    magnetic: whether the advised toolface is measured from north.
-    """
+    """Survey on which an advice is based: number, stamp, and sigmas, rad, NaN if unknown."""
 
     survey: int = 0
     stamp_ns: int = 0
     sigma_inclination: float = math.nan
     sigma_azimuth: float = math.nan
-    magnetic: bool = False
+    magnetic: bool = False  #: whether the advised toolface is measured from north
 
 
 def motor_yield(yields: Sequence[Yield]) -> float | None:

@@ -50,30 +50,17 @@ class Continuous:
 
 @dataclasses.dataclass(frozen=True)
 class DenseTrajectory:
-    """
-    Trajectory with points between the stations.
+    """Trajectory with points between the stations."""
 
-    Attributes
-    ----------
-    md, inclination, azimuth : ndarray, shape (n,)
-        Points of the trajectory, m and rad; azimuth from the north of the definitive path.
-    positions : ndarray, shape (n, 3)
-        North, east, down, m.
-    differences : ndarray, shape (n, 3)
-        Position minus the position by minimum curvature between the stations, m.
-    source : tuple of str
-        Basis of each point: STATION, or CONTINUOUS, SLIDES or ARC between stations.
-    remarks : tuple of str
-        Intervals whose continuous data were not used, with the reason.
-    """
-
+    #: `md`, `inclination`, `azimuth`: shape (n,); points of the trajectory, m and rad; azimuth from the north of the
+    #: definitive path
     md: Array
     inclination: Array
     azimuth: Array
-    positions: Array
-    differences: Array
-    source: tuple[str, ...]
-    remarks: tuple[str, ...] = ()
+    positions: Array  #: shape (n, 3); north, east, down, m
+    differences: Array  #: shape (n, 3); position minus the position by minimum curvature between the stations, m
+    source: tuple[str, ...]  #: basis of each point: STATION, or CONTINUOUS, SLIDES or ARC between stations
+    remarks: tuple[str, ...] = ()  #: intervals whose continuous data were not used, with the reason
 
     @property
     def has_detail(self) -> bool:

@@ -20,31 +20,19 @@ from mwd_surface.trajectory.well_path import Definitive
 
 @dataclasses.dataclass(frozen=True)
 class PathDifference:
-    """
-    First path minus second path, at those stations of the first path that lie within the depths of both.
+    """First path minus second path, at those stations of the first path that lie within the depths of both."""
 
-    Attributes
-    ----------
-    md : ndarray, shape (n,)
-        Measured depth, m.
-    inclination, azimuth : ndarray, shape (n, 2)
-        Angles of the first and the second path, rad.
-    turn : ndarray, shape (n, 2)
-        Difference of inclination, and of azimuth wrapped to +-pi, rad; NaN where a path is vertical and has no azimuth.
-    position : ndarray, shape (n, 3)
-        Difference north, east, down, m.
-    sigma : ndarray, shape (n, 3)
-        1 sigma of the difference, m; NaN if one of the paths has no covariance.
-    sigmas : ndarray, shape (n,)
-        Mahalanobis distance of the two positions, in sigmas; its square has 3 degrees of freedom. NaN if unknown.
-    """
-
-    md: Array
+    md: Array  #: shape (n,); measured depth, m
+    #: `inclination`, `azimuth`: shape (n, 2); angles of the first and the second path, rad
     inclination: Array
     azimuth: Array
+    #: shape (n, 2); difference of inclination, and of azimuth wrapped to +-pi, rad; NaN where a path is vertical and
+    #: has no azimuth
     turn: Array
-    position: Array
-    sigma: Array
+    position: Array  #: shape (n, 3); difference north, east, down, m
+    sigma: Array  #: shape (n, 3); 1 sigma of the difference, m; NaN if one of the paths has no covariance
+    #: shape (n,); Mahalanobis distance of the two positions, in sigmas; its square has 3 degrees of freedom. NaN if
+    #: unknown.
     sigmas: Array
 
     @property

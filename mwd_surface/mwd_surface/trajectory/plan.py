@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Planned well path: the offset of the well from the plan, and the arc that steers back to the plan or to a target.
+Planned well path and its file, the offset of the well from the plan, and the arc that steers back to it or to a target.
 
 Lengths are in m, angles in rad, positions north, east, down from the wellhead, in the north reference of the plan.
 Offsets are seen looking downhole along the plan: up is towards the high side of the plan, right is clockwise from up.
@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,11 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_nt, wrap_tau
-from mwd_surface.list_files.remark import Remark
+from mwd_surface.list_files.list_columns import Given
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.list_file import read_list
+from mwd_surface.list_files.remark import Remark, RemarkKind
+from mwd_surface.list_files.station_list import VERTICAL, StationList, carried, completed
 from mwd_surface.trajectory.well_path import Definitive
 
 DRAWN_STEP = 10.0  # distance between the drawn points of the plan, m
@@ -28,23 +33,16 @@ DRAWN_STEP = 10.0  # distance between the drawn points of the plan, m
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Plan:
-    """
-    Planned well path: its stations and their positions.
+    """Planned well path: its stations and their positions."""
 
-    md, inclination, azimuth: shape (n,), n >= 2, m and rad.
-    positions: shape (n, 3), m.
-    north: "magnetic", "true" or "grid", or "" if the file does not name the north.
-    name: name shown to users.
-    remarks: assumptions made on reading.
-    """
-
+    #: `md`, `inclination`, `azimuth`: shape (n,), n >= 2, m and rad
     md: Array
     inclination: Array
     azimuth: Array
-    positions: Array
-    north: str = ""
-    name: str = ""
-    remarks: tuple[Remark, ...] = ()
+    positions: Array  #: shape (n, 3), m
+    north: str = ""  #: "magnetic", "true" or "grid", or "" if the file does not name the north
+    name: str = ""  #: name shown to users
+    remarks: tuple[Remark, ...] = ()  #: assumptions made on reading
 
     def __eq__(self, other: object) -> bool:
         """Whether two plans have the same stations, start, north, name and remarks."""
@@ -98,27 +96,19 @@ class Plan:
 
 @dataclasses.dataclass(frozen=True)
 class Offset:
-    """
-    Offset of a point from the plan.
+    """Offset of a point from the plan."""
 
-    distance: distance to the nearest point of the plan, m.
-    plan_md: measured depth of this plan point, m.
-    up, right: components from the plan to the point, in the plane perpendicular to the plan, m.
-    horizontal: distance on the map, m.
-    vertical: depth below the plan, m.
-    toolface: direction from the well to the plan, perpendicular to the hole, rad from the high side; steering to this
-    toolface leads back to the plan.
-    dogleg_to_target: dogleg severity of the arc from the bit to the target of the plan, rad/m; NaN if no arc reaches
-    the target.
-    """
-
-    distance: float
-    plan_md: float
+    distance: float  #: distance to the nearest point of the plan, m
+    plan_md: float  #: measured depth of this plan point, m
+    #: `up`, `right`: components from the plan to the point, in the plane perpendicular to the plan, m
     up: float
     right: float
-    horizontal: float
-    vertical: float
+    horizontal: float  #: distance on the map, m
+    vertical: float  #: depth below the plan, m
+    #: direction from the well to the plan, perpendicular to the hole, rad from the high side; steering to this toolface
+    #: leads back to the plan
     toolface: float
+    #: dogleg severity of the arc from the bit to the target of the plan, rad/m; NaN if no arc reaches the target
     dogleg_to_target: float = math.nan
 
 
@@ -307,3 +297,65 @@ def _toolface_of(direction_n: Array, inclination: float, azimuth: float) -> floa
 def azimuth_at(inclination: float, azimuth: float) -> float:
     """Return the azimuth of the high side, rad; 0 in a vertical hole, where the toolface is measured from north."""
     return 0.0 if math.sin(inclination) < mc.VERTICAL else azimuth
+
+
+def read_plan(path: str | Path, north: str = "", given: Given | None = None) -> Plan:
+    """
+    Return the plan in a file, in any format that `list_file.read_list` reads.
+
+    north: north from which the azimuths must be measured, "magnetic", "true" or "grid"; empty: any. given: facts about
+    the file that the caller states.
+
+    Raises
+    ------
+    ListFileError
+        The file is missing, unreadable, too large or not a plan, or its azimuths are from another north; the message
+        names file, line and rule.
+    """
+    return in_north(plan_from_list(read_list(path, given)), path, north)
+
+
+def in_north(plan: Plan, path: str | Path, north: str) -> Plan:
+    """
+    Return the plan if its azimuths are from the north of a well; north: name of this north, empty: any.
+
+    If the plan does not name its north, its azimuths are assumed to be from the north of the well, and a remark is
+    added.
+
+    Raises
+    ------
+    ListFileError
+        The plan's azimuths are from another north; the message names both.
+    """
+    if north and plan.north not in ("", north):
+        raise ListFileError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
+    if north and not plan.north:
+        text = f"{plan.name} does not name the north of its azimuths: taken as {north}, like those of the well"
+        plan = dataclasses.replace(plan, remarks=(*plan.remarks, Remark(RemarkKind.NORTH_ASSUMED, text)))
+    return plan
+
+
+def plan_from_list(stations: StationList) -> Plan:
+    """
+    Return the plan through a list of stations; it starts at `station_list.start_of`, like the path of every list.
+
+    Raises
+    ------
+    ListFileError
+        There are fewer than two stations, or a station that is not vertical has no azimuth.
+    """
+    if stations.md.size < 2:
+        raise ListFileError(f"{stations.name}: a plan needs at least two stations, got {stations.md.size}")
+    without = np.isnan(stations.azimuth)
+    deviated = without & (stations.inclination > VERTICAL)
+    if deviated.any():
+        raise ListFileError(
+            f"{stations.name}: no azimuth at {stations.md[deviated][0]:g} m, where the hole is not vertical; a plan or"
+            " an offset well needs each azimuth"
+        )
+    if without.any():
+        # The azimuth of a vertical station is undefined: use the azimuth of an adjacent station.
+        stations = dataclasses.replace(stations, azimuth=carried(stations.azimuth))
+    md, inclination, azimuth, start, remarks = completed(stations)
+    plan = plan_of(md, inclination, azimuth, start, stations.north, stations.name)
+    return dataclasses.replace(plan, remarks=remarks)

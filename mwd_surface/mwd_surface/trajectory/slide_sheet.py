@@ -1,19 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Slide sheet: stretches of hole that were slid (with toolface) or rotated, and the yield of the slides.
+Slide sheet: stretches of hole that were slid (with toolface) or rotated, their file, and the yield of the slides.
 
 New hole is the increase of the hole depth. New hole was slid or rotated according to the rotary speed at the time. A
 stretch shorter than `least_length` becomes part of an adjacent stretch. Depths are in m along the hole at the bit,
 angles in rad, stamps in ns.
+
+The file has one line of JSON per finished stretch, flushed to disk at once. A recording contains the slide sheet as it
+was at the beginning of the recording, as a table of such lines.
 """
 
 from __future__ import annotations
 
 import cmath
 import dataclasses
+import json
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
+from mwd_sensors.core import budgets, settings
+from mwd_sensors.core.input_files import load_json, read_file
 from mwd_sensors.core.settings import setting
 from mwd_surface.trajectory.well_path import Definitive
 
@@ -45,38 +53,25 @@ class DrilledStretch:
     """
     Stretch of hole that was drilled in one mode.
 
-    Attributes
-    ----------
-    mode : str
-        SLIDE or ROTATE.
-    from_depth, to_depth : float
-        Depths of the bit, m.
-    begin_ns, end_ns : int
-        Begin and end of drilling, ns since the epoch.
-    toolface : float or None
-        Mean toolface over the metres slid, rad; None for ROTATE, or if no toolface was known.
-    steadiness : float or None
-        Length of the mean unit vector of the toolfaces: 1 if the toolface was constant, 0 if evenly scattered.
-    magnetic : bool
-        Whether the toolface is from north instead of the high side.
-    rotary_speed : float
-        Mean rotary speed over the metres drilled, rad/s.
-
     Raises
     ------
     ValueError
         `mode` is neither SLIDE nor ROTATE.
     """
 
-    mode: str
+    mode: str  #: SLIDE or ROTATE
+    #: `from_depth`, `to_depth`: depths of the bit, m
     from_depth: float
     to_depth: float
+    #: `begin_ns`, `end_ns`: begin and end of drilling, ns since the epoch
     begin_ns: int
     end_ns: int
+    #: mean toolface over the metres slid, rad; None for ROTATE, or if no toolface was known
     toolface: float | None = None
+    #: length of the mean unit vector of the toolfaces: 1 if the toolface was constant, 0 if evenly scattered
     steadiness: float | None = None
-    magnetic: bool = False
-    rotary_speed: float = 0.0
+    magnetic: bool = False  #: whether the toolface is from north instead of the high side
+    rotary_speed: float = 0.0  #: mean rotary speed over the metres drilled, rad/s
 
     def __post_init__(self) -> None:
         if self.mode not in (SLIDE, ROTATE):
@@ -261,3 +256,59 @@ def yields(stretches: Sequence[DrilledStretch], path: Definitive) -> tuple[Yield
             dogleg = float(path.dogleg_severity[k]) * (high - low)
             found.append(Yield(low, high, made[SLIDE], made[ROTATE], dogleg))
     return tuple(found)
+
+
+NAME = "slides.jsonl"
+SLIDES = "slide_sheet"  # name of the table in a recording
+_ROWS = "stretches"
+
+
+def read_stretches(path: Path) -> tuple[tuple[DrilledStretch, ...], int]:
+    """
+    Return the slid and rotated stretches of a slide sheet, and the number of invalid lines.
+
+    Without a file there are no stretches. Raises OSError if the file cannot be read or is too large.
+    """
+    text = read_file(path, budgets.JSON).decode(errors="replace") if path.is_file() else ""
+    return _stretches(text)
+
+
+def stretch_table(stretches: Iterable[DrilledStretch]) -> dict[str, str]:
+    """Return the table that stores these stretches at the beginning of a recording."""
+    return {_ROWS: "\n".join(json.dumps(settings.to_mapping(one)) for one in stretches)}
+
+
+def recorded_stretches(table: Mapping[str, str]) -> tuple[DrilledStretch, ...]:
+    """Return the stretches in the slide sheet's table of a recording; empty if the table is empty."""
+    return _stretches(table.get(_ROWS, ""))[0]
+
+
+def _stretches(text: str) -> tuple[tuple[DrilledStretch, ...], int]:
+    found, bad = [], 0
+    for line in text.splitlines():
+        try:
+            found.append(settings.from_mapping(DrilledStretch, load_json(line), "stretch"))
+        except ValueError:
+            # A power cut in the middle of a line damages only that line.
+            bad += 1
+    return tuple(found), bad
+
+
+def append_stretch(path: Path, stretch: DrilledStretch) -> None:
+    """
+    Append a stretch to the file.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(settings.to_mapping(stretch))
+    with path.open("a+b") as file:
+        # Start a new line if the last line was cut off, so that it does not damage the new line.
+        if file.seek(0, os.SEEK_END) and (file.seek(-1, os.SEEK_END), file.read(1))[1] != b"\n":
+            text = "\n" + text
+        file.write(text.encode() + b"\n")
+        file.flush()
+        os.fsync(file.fileno())

@@ -22,33 +22,26 @@ TIE_ON, ASSUMED, SURVEY, PROJECTED = "tie-on", "assumed", "survey", "projected" 
 
 @dataclasses.dataclass(frozen=True)
 class Definitive:
-    """
-    Path of one leg from the wellhead down, by minimum curvature.
-
-    md, inclination, azimuth, vertical_section: shape (n,), m and rad.
-    positions: shape (n, 3), north, east, down, m.
-    dogleg_severity, build_rate, turn_rate: shape (n,), rad/m, of the interval above each station.
-    kind: `TIE_ON`, `ASSUMED` (assumed tie-on, because none was given; the hole between it and the next station is also
-    assumed), `SURVEY` or `PROJECTED`.
-    sequence: number of the survey, 0 for other kinds.
-    north: reference of azimuth and positions.
-    section_azimuth: azimuth of the vertical section, rad.
-    assumptions: assumptions, in addition to measurements, on which the coordinates of all stations are based.
-    """
+    """Path of one leg from the wellhead down, by minimum curvature."""
 
     leg: str
-    north: North
-    section_azimuth: float
+    north: North  #: reference of azimuth and positions
+    section_azimuth: float  #: azimuth of the vertical section, rad
+    #: `md`, `inclination`, `azimuth`: shape (n,), m and rad
     md: Array
     inclination: Array
     azimuth: Array
-    positions: Array
+    positions: Array  #: shape (n, 3), north, east, down, m
+    #: `dogleg_severity`, `build_rate`, `turn_rate`: shape (n,), rad/m, of the interval above each station
     dogleg_severity: Array
     build_rate: Array
     turn_rate: Array
-    vertical_section: Array
+    vertical_section: Array  #: shape (n,), m
+    #: `TIE_ON`, `ASSUMED` (assumed tie-on, because none was given; the hole between it and the next station is also
+    #: assumed), `SURVEY` or `PROJECTED`
     kind: tuple[str, ...]
-    sequence: tuple[int, ...]
+    sequence: tuple[int, ...]  #: number of the survey, 0 for other kinds
+    #: assumptions, in addition to measurements, on which the coordinates of all stations are based
     assumptions: tuple[Remark, ...] = ()
 
     @property

@@ -51,13 +51,9 @@ class CovarianceUnavailableError(ImportError):
 
 @dataclasses.dataclass(frozen=True)
 class ErrorReference:
-    """
-    Local magnetic field and gravity for the tool models, in rad, T and m/s^2.
+    """Local magnetic field and gravity for the tool models, in rad, T and m/s^2."""
 
-    latitude: NaN if the location of the well is not given; only gyro codes need the latitude.
-    """
-
-    latitude: float
+    latitude: float  #: NaN if the location of the well is not given; only gyro codes need the latitude
     b_total: float
     dip: float
     declination: float
@@ -75,44 +71,29 @@ class ErrorTool:
 
 @dataclasses.dataclass(frozen=True)
 class ErrorTerm:
-    """
-    One error source of one tool at 1 sigma.
+    """One error source of one tool at 1 sigma."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the source in the error model, for example "DRFR".
-    shared : str
-        Terms with the same name and the same text here have one common error; RANDOM: each station has its own error.
-    error : ndarray, shape (n, 3)
-        Shift of all deeper stations due to the error at a station, m, in true north, east, down; 0 for stations of
-        other tools.
-    own : ndarray, shape (n, 3)
-        Shift of the station itself due to its error, m.
-    measured : ndarray, shape (n, 3)
-        Error of measured depth, m, inclination and azimuth, rad, that causes both shifts; 0 for errors of the course
-        between stations, which are position errors. The error of the azimuth grows without limit towards the vertical.
-    """
-
-    name: str
+    name: str  #: name of the source in the error model, for example "DRFR"
+    #: terms with the same name and the same text here have one common error; RANDOM: each station has its own error
     shared: str
+    #: shape (n, 3); shift of all deeper stations due to the error at a station, m, in true north, east, down; 0 for
+    #: stations of other tools
     error: Array
-    own: Array
+    own: Array  #: shape (n, 3); shift of the station itself due to its error, m
+    #: shape (n, 3); error of measured depth, m, inclination and azimuth, rad, that causes both shifts; 0 for errors of
+    #: the course between stations, which are position errors. The error of the azimuth grows without limit towards the
+    #: vertical.
     measured: Array
 
 
 @dataclasses.dataclass(frozen=True)
 class _CourseStations:
-    """
-    Stations of a part of the well, shape (n,) each: measured depth, m, inclination, azimuth from true north, rad.
-
-    first_tvd: vertical depth of the first station, m.
-    """
+    """Stations of a part of the well, shape (n,) each: measured depth, m, inclination, azimuth from true north, rad."""
 
     md: Array
     inclination: Array
     azimuth: Array
-    first_tvd: float = 0.0
+    first_tvd: float = 0.0  #: vertical depth of the first station, m
 
     def cut(self, first: int, last: int, inclination: Array) -> _CourseStations:
         """Return the stations from index first to last - 1; inclination: new inclinations of all stations, rad."""

@@ -48,45 +48,29 @@ _MUCH = 1.5
 
 @dataclasses.dataclass(frozen=True)
 class Forecast:
-    """
-    Expected quality of surveys along a plan.
+    """Expected quality of surveys along a plan."""
 
-    Attributes
-    ----------
-    md, inclination, azimuth : ndarray, shape (n,)
-        Stations every 30 m, m and rad; azimuth from the north of the plan.
-    true_azimuth : ndarray, shape (n,)
-        Azimuth from true north, rad.
-    sigma_inclination, sigma_azimuth : ndarray, shape (n,)
-        1 sigma of inclination and azimuth by the tool code, rad; for the azimuth NaN within 1 deg of the vertical.
-    sigma_corrected : ndarray, shape (n,)
-        1 sigma of the azimuth after single-station correction, rad; NaN if `corrected_sibling` finds no code.
-    limits : ndarray, shape (n, 3)
-        Limits on the deviations of total gravity, total field and dip: m/s^2, T, rad; NaN for codes without these
-        sensors.
-    accepted : ndarray, shape (n,)
-        Share of stations of a healthy tool that the estimator's verdict accepts, 0 to 1, from 32 random stations; NaN
-        for codes without these sensors.
-    no_go : ndarray of bool, shape (n,)
-        Whether the sigma of the corrected azimuth exceeds `most`, and 1.5 times the sigma without correction.
-    most : float
-        Largest useful sigma of a corrected azimuth, rad.
-    axial : float
-        Axial interference of the drill string assumed for `accepted`, T.
-    """
-
+    #: `md`, `inclination`, `azimuth`: shape (n,); stations every 30 m, m and rad; azimuth from the north of the plan
     md: Array
     inclination: Array
     azimuth: Array
-    true_azimuth: Array
+    true_azimuth: Array  #: shape (n,); azimuth from true north, rad
+    #: `sigma_inclination`, `sigma_azimuth`: shape (n,); 1 sigma of inclination and azimuth by the tool code, rad; for
+    #: the azimuth NaN within 1 deg of the vertical
     sigma_inclination: Array
     sigma_azimuth: Array
+    #: shape (n,); 1 sigma of the azimuth after single-station correction, rad; NaN if `corrected_sibling` finds no code
     sigma_corrected: Array
+    #: shape (n, 3); limits on the deviations of total gravity, total field and dip: m/s^2, T, rad; NaN for codes
+    #: without these sensors
     limits: Array
+    #: shape (n,); share of stations of a healthy tool that the estimator's verdict accepts, 0 to 1, from 32 random
+    #: stations; NaN for codes without these sensors
     accepted: Array
+    #: shape (n,); whether the sigma of the corrected azimuth exceeds `most`, and 1.5 times the sigma without correction
     no_go: Mask
-    most: float
-    axial: float
+    most: float  #: largest useful sigma of a corrected azimuth, rad
+    axial: float  #: axial interference of the drill string assumed for `accepted`, T
 
 
 def forecast(

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Position covariance of each station, summed from the error terms of its survey tools, and error ellipses.
+Position covariance of each station of a well, summed from the error terms of its survey tools, and error ellipses.
 
 Errors of one run are the same at all its stations, errors of the well and of the Earth's field are the same in all
 runs, and random errors are new at each station (ISCWSA error model definition 5.13; Williamson, SPE 67616, equations
@@ -26,6 +26,7 @@ from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_tau
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, ErrorTerm, ErrorTool, Mask, error_terms
 
 # Inclination above which the azimuth of a station is used without the azimuth of the adjacent hole, rad. It is 1 sigma
@@ -55,23 +56,15 @@ class Ellipse:
 
 @dataclasses.dataclass(frozen=True)
 class StationErrors:
-    """
-    Information on the errors of a well's stations.
+    """Information on the errors of a well's stations."""
 
-    Attributes
-    ----------
-    tools : sequence of ErrorTool or None, length n
-        Tool that measured each station; None for a station without errors of its own, such as a tie-on.
-    sigmas : ndarray, shape (n, 2), optional
-        1 sigma of inclination and azimuth of each station, rad, used instead of the angle errors of the tool code. The
-        errors are assumed to be fully correlated within a run, which is the cautious choice. NaN: use the code.
-    tie_on : ndarray, shape (3, 3), optional
-        Covariance of the first station, in the axes of the result, m^2.
-    """
-
+    #: tool that measured each station; None for a station without errors of its own, such as a tie-on
     tools: Sequence[ErrorTool | None]
+    #: shape (n, 2); 1 sigma of inclination and azimuth of each station, rad, used instead of the angle errors of the
+    #: tool code. The errors are assumed to be fully correlated within a run, which is the cautious choice. NaN: use the
+    #: code.
     sigmas: Array | None = None
-    tie_on: Array | None = None
+    tie_on: Array | None = None  #: shape (3, 3); covariance of the first station, in the axes of the result, m^2
 
 
 def position_covariance(
@@ -316,3 +309,68 @@ def in_section(covariance: ArrayLike, section_azimuth: float) -> Array:
     """
     along = np.array([[math.cos(section_azimuth), math.sin(section_azimuth), 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(along @ np.asarray(covariance, dtype=float) @ along.T)
+
+
+@dataclasses.dataclass(frozen=True)
+class UncertainWell:
+    """Stations of a well, the tools that measured them, and the size of the hole."""
+
+    name: str
+    #: `md`, `inclination`, `azimuth`: shape (n,), m and rad
+    md: Array
+    inclination: Array
+    azimuth: Array
+    positions: Array  #: shape (n, 3), north, east, down, m
+    north: North  #: north of azimuths and axes
+    errors: StationErrors
+    reference: ErrorReference
+    radius: float = 0.0  #: radius of the open hole, m
+    surveyed: float = math.inf  #: measured depth of the last survey, m; the path below is projected or planned
+    remarks: tuple[Remark, ...] = ()  #: assumptions made for the list of stations
+
+    def covariance(self) -> Array:
+        """
+        Return the covariance of the positions, shape (n, 3, 3), m^2.
+
+        Raises
+        ------
+        ValueError, CovarianceUnavailableError
+            As in `position_covariance`.
+        """
+        return position_covariance(
+            self.md,
+            self.inclination,
+            self.azimuth,
+            self.north,
+            self.errors,
+            self.reference,
+            float(self.positions[0, 2]),
+        )
+
+    def below(self, md: float) -> UncertainWell:
+        """
+        Return the well below a measured depth, m, with the position at that depth taken as exact.
+
+        Raises
+        ------
+        ValueError
+            The depth is not on the path above its last station.
+        """
+        if not self.md[0] <= md < self.md[-1]:
+            raise ValueError(
+                f"{self.name}: {md:g} m is not on its path, which goes from {self.md[0]:g} to {self.md[-1]:g} m"
+            )
+        inc, azi, position = mc.interpolate(self.md, self.inclination, self.azimuth, self.positions, md)
+        # Omit stations within a metre below this point, because errors hardly grow over so short a distance.
+        rest = self.md > md + 1.0
+        sigmas = self.errors.sigmas
+        tools = [None, *(tool for tool, keep in zip(self.errors.tools, rest, strict=True) if keep)]
+        errors = StationErrors(tools, None if sigmas is None else np.vstack([[np.nan, np.nan], sigmas[rest]]))
+        return dataclasses.replace(
+            self,
+            md=np.append(md, self.md[rest]),
+            inclination=np.append(inc, self.inclination[rest]),
+            azimuth=np.append(azi, self.azimuth[rest]),
+            positions=np.vstack([position, self.positions[rest]]),
+            errors=errors,
+        )

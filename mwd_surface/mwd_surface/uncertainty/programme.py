@@ -36,9 +36,7 @@ class Interval:
     """
     One row of the programme.
 
-    A station at depth d belongs to the first row with from_m < d <= to_m. methods: tool code by method of a station's
-    azimuth, for example {gyro: GYRO-MWD}; this code replaces the code of the row. Stations taken while the string
-    turned have the method rotary; in a row with an MWD code their code is `ROTARY_CODE` by default.
+    A station at depth d belongs to the first row with from_m < d <= to_m.
     """
 
     code: str = setting("MWD+SRGM", "Tool code of OWSG set A or B, or of a gyro.")
@@ -58,6 +56,9 @@ class Interval:
         "code gives only the errors of depth and course.",
         choices=(CODE, STATION),
     )
+    #: tool code by method of a station's azimuth, for example {gyro: GYRO-MWD}; this code replaces the code of the row.
+    #: Stations taken while the string turned have the method rotary; in a row with an MWD code their code is
+    #: `ROTARY_CODE` by default.
     methods: dict[str, str] = dataclasses.field(default_factory=dict)
 
     def code_of(self, method: str) -> str:
@@ -68,15 +69,12 @@ class Interval:
 
 @dataclasses.dataclass(frozen=True)
 class TieOnErrors:
-    """
-    Uncertainty of the position of the first station; all zero if positions are relative to the first station.
-
-    covariance_m2: full 3 x 3 covariance of north, east, down, m^2; replaces the sigmas if it is given.
-    """
+    """Uncertainty of the position of the first station; all zero if positions are relative to the first station."""
 
     sigma_north_m: float = setting(0.0, "1 sigma of the first station to the north.", low=0.0)
     sigma_east_m: float = setting(0.0, "1 sigma of the first station to the east.", low=0.0)
     sigma_tvd_m: float = setting(0.0, "1 sigma of the vertical depth of the first station.", low=0.0)
+    #: full 3 x 3 covariance of north, east, down, m^2; replaces the sigmas if it is given
     covariance_m2: list[list[float]] = dataclasses.field(default_factory=list)
 
     def covariance(self) -> Array | None:
@@ -143,18 +141,12 @@ class SurveyProgramme:
 
 @dataclasses.dataclass(frozen=True)
 class ProgrammeStations:
-    """
-    Data of the stations for the programme, one entry per station.
+    """Data of the stations for the programme, one entry per station."""
 
-    md, shape (n,): measured depth, m.
-    sigmas, shape (n, 2): 1 sigma of inclination and azimuth of each station, rad, NaN if unknown.
-    measured: True for stations, False for projected or planned points.
-    legs, tools, methods: leg, serial number of the tool, method of the azimuth; empty text if unknown.
-    """
-
-    md: Array
-    sigmas: Array
-    measured: Sequence[bool]
+    md: Array  #: shape (n,); measured depth, m
+    sigmas: Array  #: shape (n, 2); 1 sigma of inclination and azimuth of each station, rad, NaN if unknown
+    measured: Sequence[bool]  #: True for stations, False for projected or planned points
+    #: `legs`, `tools`, `methods`: leg, serial number of the tool, method of the azimuth; empty text if unknown
     legs: Sequence[str]
     tools: Sequence[str]
     methods: Sequence[str]

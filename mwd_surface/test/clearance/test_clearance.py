@@ -11,8 +11,7 @@ from mwd_estimation.core.north import North
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.clearance.clearance import ClearanceLevel, ClearanceRule, clearance, nearest_first
 from mwd_surface.uncertainty.error_terms import ErrorReference, ErrorTool, error_terms
-from mwd_surface.uncertainty.position_covariance import StationErrors, covariance_of
-from mwd_surface.uncertainty.uncertain_well import UncertainWell
+from mwd_surface.uncertainty.position_covariance import StationErrors, UncertainWell, covariance_of
 
 # ISCWSA, "Standard Set of Wellpaths for Evaluation of Clearance Scenarios", release 4, 2017: field and rule.
 REFERENCE = ErrorReference(math.radians(60.0), 50e-6, math.radians(70.0), 0.0)

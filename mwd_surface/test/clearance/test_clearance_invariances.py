@@ -15,8 +15,7 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.clearance import clearance as clearance_module
 from mwd_surface.clearance.clearance import ClearanceLevel, ClearanceRule, check_plausible, clearance, nearest_first
 from mwd_surface.uncertainty.error_terms import ErrorReference, ErrorTool
-from mwd_surface.uncertainty.position_covariance import StationErrors
-from mwd_surface.uncertainty.uncertain_well import UncertainWell
+from mwd_surface.uncertainty.position_covariance import StationErrors, UncertainWell
 
 pytestmark = pytest.mark.slow
 

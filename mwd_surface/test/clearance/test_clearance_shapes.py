@@ -16,8 +16,7 @@ from mwd_surface.clearance.clearance import clearance
 from mwd_surface.list_files.list_file import list_of
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.uncertainty.error_terms import ErrorTool
-from mwd_surface.uncertainty.position_covariance import StationErrors
-from mwd_surface.uncertainty.uncertain_well import UncertainWell
+from mwd_surface.uncertainty.position_covariance import StationErrors, UncertainWell
 
 pytestmark = pytest.mark.slow
 

@@ -9,8 +9,8 @@ import pytest
 from plotted_bag import recorded
 from test_cli import mwd, refused
 
+from mwd_surface.exports.csv_tables import definitive_csv
 from mwd_surface.exports.export import FORMATS
-from mwd_surface.exports.export_csv import definitive_csv
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.surveys.survey_store import SurveyStore
 from mwd_surface.trajectory.plan import plan_of

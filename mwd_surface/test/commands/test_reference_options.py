@@ -4,7 +4,7 @@
 import pytest
 
 from mwd_sensors.core.settings import SettingsError
-from mwd_surface.commands.reference_options import place_changes, placed_settings, recording_changes, tool_changes
+from mwd_surface.commands.shared_options import place_changes, placed_settings, recording_changes, tool_changes
 
 FIELD = {
     "place.field": "fixed",

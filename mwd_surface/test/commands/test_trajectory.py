@@ -12,7 +12,7 @@ from invoked_command import invoke
 from mwd_surface.commands.trajectory import trajectory
 from mwd_surface.exports.report_content import content
 from mwd_surface.surveys.survey_store import encoded
-from mwd_surface.trajectory.slide_file import append_stretch
+from mwd_surface.trajectory.slide_sheet import append_stretch
 
 APP = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 APP.command()(trajectory)

@@ -17,10 +17,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
+from mwd_surface.exports.csv_tables import definitive_csv, path_csv
 from mwd_surface.exports.export import FORMATS
-from mwd_surface.exports.export_csv import definitive_csv
 from mwd_surface.exports.export_witsml import NAMESPACE
-from mwd_surface.exports.path_csv import path_csv
 from mwd_surface.exports.report_plots import plan_view, section_view
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.list_files.list_file import list_of

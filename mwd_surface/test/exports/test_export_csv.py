@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_estimation.survey.survey import Survey
-from mwd_surface.exports.export_csv import definitive_csv, raw_csv
+from mwd_surface.exports.csv_tables import definitive_csv, raw_csv
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.signals.cells import quoted
 from mwd_surface.surveys.survey_list import SurveyList

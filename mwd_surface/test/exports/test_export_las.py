@@ -9,8 +9,9 @@ import lasio
 import numpy as np
 import pytest
 
-from mwd_surface.exports.export_las import NULL, las
+from mwd_surface.exports.export_las import las
 from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.logs.log_files import NULL
 from mwd_surface.surveys.survey_list import SurveyList
 
 

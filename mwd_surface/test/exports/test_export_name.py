@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.exports.export_name import LONGEST, RESERVED, safe_name
+from mwd_surface.exports.export import LONGEST, RESERVED, safe_name
 
 
 @pytest.mark.fault_case(93)

@@ -11,8 +11,8 @@ import pytest
 from csv_rows import rows_of
 
 from mwd_sensors.core.angle_convention import CONVENTIONS, AngleConvention
+from mwd_surface.exports.csv_tables import path_csv
 from mwd_surface.exports.export import FORMATS
-from mwd_surface.exports.path_csv import path_csv
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.list_files.list_file import list_of

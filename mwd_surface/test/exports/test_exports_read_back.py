@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.angle_convention import CONVENTIONS
+from mwd_surface.exports.csv_tables import path_csv
 from mwd_surface.exports.export import FORMATS
-from mwd_surface.exports.path_csv import path_csv
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.list_files.list_columns import Given
 from mwd_surface.list_files.list_error import ListFileError
@@ -24,7 +24,7 @@ from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_record import Judgement
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.plan_file import plan_from_list
+from mwd_surface.trajectory.plan import plan_from_list
 
 READABLE = ("csv", "raw_csv", "las", "witsml")
 # Last digits of the formats, and what they add up to along the few hundred metres of these lists, m and deg.

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from mwd_surface.clearance.clearance import ClearanceLevel
-from mwd_surface.clearance.offset_wells import read_offset_wells
-from mwd_surface.clearance.well_clearance import well_clearance
+from mwd_surface.clearance.offset_wells import read_offset_wells, well_clearance
 from mwd_surface.exports.export import FORMATS
 from mwd_surface.exports.report_clearance import clearance_sections
 from mwd_surface.exports.report_section import GOOD, REJECT
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.plots.clearance_plots import plan_view
-from mwd_surface.trajectory.plan_file import read_plan
+from mwd_surface.trajectory.plan import read_plan
 
 WELLS = """
 wells:

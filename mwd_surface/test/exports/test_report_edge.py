@@ -19,7 +19,7 @@ from mwd_surface.exports.report_html import report_html
 from mwd_surface.exports.report_pdf import report_pdf
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.language.language import Language, language
-from mwd_surface.plots import fonts
+from mwd_surface.plots import drawing as fonts
 from mwd_surface.surveys.leg import Origin
 
 ENGLISH, CHINESE = language("en"), language("zh_CN")

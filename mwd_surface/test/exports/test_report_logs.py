@@ -11,9 +11,9 @@ from mwd_sensors.telemetry.tool_limits import BatteryLimits, ExposureLimit, Tool
 from mwd_surface.exports.report_logs import health_section, log_section
 from mwd_surface.logs.depth_log import DepthLog
 from mwd_surface.logs.log_journal import NAME, LogJournal
+from mwd_surface.logs.recorded_log import FILE
 from mwd_surface.logs.tool_health import HealthLedger, ToolHealth
-from mwd_surface.logs.tool_table import FILE
-from mwd_surface.runs.run_logs import run_logs
+from mwd_surface.runs.player import run_logs
 from mwd_surface.signals.signal import Display
 from mwd_surface.signals.units import FIELD
 

@@ -9,8 +9,7 @@ from typer.testing import CliRunner
 
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule
 from mwd_surface.cli import app
-from mwd_surface.exports.clearance_csv import clearance_csv
-from mwd_surface.exports.forecast_csv import forecast_csv
+from mwd_surface.exports.csv_tables import clearance_csv, forecast_csv
 from mwd_surface.runs import tool_comparison
 from mwd_surface.runs.tool_comparison import ToolDirection, ToolStation
 from mwd_surface.uncertainty.forecast import Forecast

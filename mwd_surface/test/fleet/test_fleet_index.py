@@ -3,7 +3,7 @@
 
 import pytest
 
-from mwd_surface.fleet import fleet_index
+from mwd_surface.fleet import fleet_run
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 from mwd_surface.fleet.fleet_task import Outcome
 
@@ -31,14 +31,14 @@ def failed(bag, reason):
 
 
 def test_failures_stand_first_and_each_kind_in_order_of_name():
-    page = fleet_index.index_html([done("/b"), failed("/z", "cut off"), done("/a"), failed("/y", "empty")])
+    page = fleet_run.index_html([done("/b"), failed("/z", "cut off"), done("/a"), failed("/y", "empty")])
     places = [page.index(f">{bag}<") for bag in ("/y", "/z", "/a", "/b")]
     assert places == sorted(places)
     assert page.index("cut off") < page.index(">/a<")
 
 
 def test_the_head_sums_what_was_worked_out_and_counts_what_failed():
-    page = fleet_index.index_html([done("/a"), done("/b", seconds=1800.0, surveys=1), failed("/c", "empty")])
+    page = fleet_run.index_html([done("/a"), done("/b", seconds=1800.0, surveys=1), failed("/c", "empty")])
     text = " ".join(page.split())
     for name, value in (
         ("processed", "2 of 3"),
@@ -54,12 +54,12 @@ def test_the_head_sums_what_was_worked_out_and_counts_what_failed():
 
 
 def test_a_fleet_of_failures_and_one_of_nothing_have_a_page_too():
-    assert "<dd>0 of 1</dd>" in fleet_index.index_html([failed("/a", "empty")])
-    assert "Fleet of 0 recordings" in fleet_index.index_html([])
+    assert "<dd>0 of 1</dd>" in fleet_run.index_html([failed("/a", "empty")])
+    assert "Fleet of 0 recordings" in fleet_run.index_html([])
 
 
 def test_texts_of_recordings_cannot_become_part_of_the_page():
-    page = fleet_index.index_html(
+    page = fleet_run.index_html(
         [failed("/<script>alert(1)</script>", "<img src=x>"), done("/a", warnings=["<b>bold</b>"])]
     )
     assert "<script" not in page
@@ -70,8 +70,8 @@ def test_texts_of_recordings_cannot_become_part_of_the_page():
 
 def test_the_page_is_written_whole_over_an_earlier_one(tmp_path):
     for outcomes in ([done("/a")], [done("/é")]):
-        assert fleet_index.write_index(tmp_path, outcomes) == tmp_path / "index.html"
-    assert (tmp_path / "index.html").read_text(encoding="utf-8") == fleet_index.index_html([done("/é")])
+        assert fleet_run.write_index(tmp_path, outcomes) == tmp_path / "index.html"
+    assert (tmp_path / "index.html").read_text(encoding="utf-8") == fleet_run.index_html([done("/é")])
     assert [file.name for file in tmp_path.iterdir()] == ["index.html"]
     with pytest.raises(FileNotFoundError):
-        fleet_index.write_index(tmp_path / "nowhere", [])
+        fleet_run.write_index(tmp_path / "nowhere", [])

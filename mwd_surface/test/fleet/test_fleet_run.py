@@ -18,7 +18,7 @@ import pytest
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings, wire
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.fleet import fleet_index, fleet_run
+from mwd_surface.fleet import fleet_run
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 from project import ROOT
 
@@ -81,7 +81,7 @@ def test_a_bag_that_fails_is_an_outcome_and_the_rest_is_worked_out_once(tmp_path
     surveys = parquet.read_table(tmp_path / "fleet" / "surveys")
     # The twin is the same recording in another place: it counts once.
     assert surveys.num_rows == 1
-    page = fleet_index.index_html(list(outcomes.values()))
+    page = fleet_run.index_html(list(outcomes.values()))
     assert page.index("/cut") < page.index("/good")
     assert "mwd recover" in page
 

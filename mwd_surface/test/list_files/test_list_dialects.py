@@ -14,7 +14,7 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import list_of
 from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.imported_list import survey_list
-from mwd_surface.trajectory.plan_file import plan_from_list
+from mwd_surface.trajectory.plan import plan_from_list
 
 DIPS = [
     "Dip",

@@ -16,7 +16,7 @@ from mwd_surface.list_files.list_columns import Given
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import list_of, read_list
 from mwd_surface.list_files.remark import RemarkKind
-from mwd_surface.trajectory.plan_file import plan_from_list, read_plan
+from mwd_surface.trajectory.plan import plan_from_list, read_plan
 from project import GOLDEN, REFERENCE_DATA
 
 GOOD = "md_m,inclination_deg,azimuth_deg\n0,0,0\n500,0,45\n1000,30,45\n"

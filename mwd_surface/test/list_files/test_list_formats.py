@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from test_list_dialects import assert_same, lists
 
 from mwd_sensors.core import minimum_curvature as mc
+from mwd_surface.list_files.exchange_formats import p7_table
 from mwd_surface.list_files.list_columns import ENERGISTICS_UNITS, LENGTH_UNITS
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import list_of
-from mwd_surface.list_files.p7_table import p7_table
 
 TITLE = ("Definitive survey of well A-1",)
 NORTH = ("North Reference:", "Grid")

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from mwd_estimation.core.north import North
 from mwd_surface.clearance.offset_wells import OffsetWellError, offset_well, read_offset_wells
 from mwd_surface.cli import app
-from mwd_surface.commands.list_options import LIST
+from mwd_surface.commands.shared_options import LIST
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_settings import NODE, ListSettings, asked
 from mwd_surface.live.plan_monitor import PlanMonitor

@@ -13,8 +13,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core.frames import mat_nt, wrap_pi
-from mwd_surface.list_files.six_axis_columns import find_columns
-from mwd_surface.list_files.six_axis_table import read_readings, single_stations, table_rows
+from mwd_surface.list_files.six_axis_table import find_columns, read_readings, single_stations, table_rows
 from project import REFERENCE_DATA
 
 DEG = math.pi / 180.0

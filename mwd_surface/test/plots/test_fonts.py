@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from mwd_surface.language.language import language
-from mwd_surface.plots import fonts
+from mwd_surface.plots import drawing as fonts
 from mwd_surface.plots.drawing import png, svg
 
 CHINESE = language("zh_CN")

@@ -69,13 +69,11 @@ def test_an_angle_near_north_does_not_jump_and_a_full_turn_breaks_the_line():
     assert np.isnan(turning.line(0)[1]).sum() == 3
 
 
-def test_samples_outside_the_span_are_left_out_and_an_empty_span_is_refused():
+def test_samples_outside_the_span_are_left_out():
     envelope = Envelope(0, S, 1, 10)
     envelope.add(np.array([-1, 0, S, S + 1]), np.array([[9.0], [1.0], [2.0], [9.0]]))
     assert envelope.samples == 2
     assert_array_equal(envelope.line(0)[1], [1.0, 2.0])
-    with pytest.raises(ValueError, match="needs a span"):
-        Envelope(S, 0, 1)
 
 
 RATE = 100.0
@@ -123,13 +121,6 @@ def test_the_waterfall_follows_a_sweep():
     assert_allclose(highest, 5.0 + 0.15 * (np.arange(20) + 0.5) * 10.0, atol=1.0)
 
 
-def test_what_cannot_be_is_refused():
-    with pytest.raises(ValueError, match="needs a rate"):
-        Spectrum(0.0, 1, 0, S)
-    with pytest.raises(ValueError, match="16 samples"):
-        Spectrum(RATE, 1, 0, S, segment=8)
-
-
 def noise(count, seed=1):
     rng = np.random.default_rng(seed)
     return rng.standard_normal((count, 2)) + np.cumsum(0.01 * rng.standard_normal((count, 2)), axis=0)
@@ -161,9 +152,7 @@ def test_a_record_that_does_not_fit_agrees_within_its_sigma(length):
         assert np.all(np.abs(got.deviation[:, axis] / same - 1.0) < 4.0 * got.sigma + 0.02)
 
 
-def test_an_odd_capacity_and_a_short_record_are_refused():
-    with pytest.raises(ValueError, match="even"):
-        LongAllan(100.0, 1, capacity=65)
+def test_a_short_record_is_refused():
     with pytest.raises(ValueError, match="too few"):
         LongAllan(100.0, 1).curve()
 

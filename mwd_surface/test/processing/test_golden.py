@@ -5,7 +5,7 @@ import pytest
 from typer.testing import CliRunner
 
 from mwd_surface.cli import app
-from mwd_surface.processing import compare, golden
+from mwd_surface.processing import compare
 from project import ROOT
 
 GOLDEN = sorted(path for path in (ROOT / "bags" / "golden").iterdir() if path.is_dir())
@@ -23,10 +23,10 @@ def copied(tmp_path, names=("config.yaml", "limits.yaml")):
 
 @pytest.mark.parametrize("folder", GOLDEN, ids=lambda path: path.name)
 def test_a_golden_recording_gives_its_answers(folder):
-    assert golden.is_golden(folder)
+    assert compare.is_golden(folder)
     assert sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) < 1_100_000
-    with golden.processed(folder / "bag", folder) as run:
-        found = compare.compare(run, folder, golden.limits_of(folder))
+    with compare.processed(folder / "bag", folder) as run:
+        found = compare.compare(run, folder, compare.limits_of(folder))
     assert found.failures == ()
     assert found.rows > 20
     assert found.stations
@@ -35,9 +35,9 @@ def test_a_golden_recording_gives_its_answers(folder):
 @pytest.mark.slow
 def test_accepted_answers_agree_and_another_method_does_not(tmp_path):
     folder = copied(tmp_path)
-    golden.accept(folder)
-    with golden.processed(folder / "bag", folder) as run:
-        assert compare.compare(run, folder, golden.limits_of(folder)).agree
+    compare.accept_golden(folder)
+    with compare.processed(folder / "bag", folder) as run:
+        assert compare.compare(run, folder, compare.limits_of(folder)).agree
     rows = (folder / "attitude.csv").read_text().splitlines()
     assert len(rows) < 60
     config = folder / "config.yaml"
@@ -50,12 +50,12 @@ def test_accepted_answers_agree_and_another_method_does_not(tmp_path):
 def test_a_run_without_answers_or_limits_is_refused(tmp_path):
     folder = copied(tmp_path, names=("config.yaml",))
     with pytest.raises(ValueError, match="not a golden recording"):
-        golden.accept(folder)
+        compare.accept_golden(folder)
     result = CliRunner().invoke(app, ["compare", str(folder)])
     assert isinstance(result.exception, ValueError)
 
 
 def test_a_recording_is_distinguished_from_the_results_of_one():
-    assert golden.is_recording(GOLDEN[0] / "bag")
-    assert golden.is_recording(next((GOLDEN[0] / "bag").glob("*.mcap")))
-    assert not golden.is_recording(GOLDEN[0])
+    assert compare.is_recording(GOLDEN[0] / "bag")
+    assert compare.is_recording(next((GOLDEN[0] / "bag").glob("*.mcap")))
+    assert not compare.is_recording(GOLDEN[0])

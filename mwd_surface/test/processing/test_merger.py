@@ -11,7 +11,7 @@ from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.merged_bag import merged_bag
-from mwd_surface.processing.merger import Merger, Thinner
+from mwd_surface.processing.run_output import Merger, Thinner
 
 START = 1_700_000_000 * 10**9
 IMU = "/w1/imu/data_raw"

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.core import wire
-from mwd_surface.processing.merger import Thinner
+from mwd_surface.processing.run_output import Thinner
 
 
 def _rows(n=1000, seed=1):

@@ -17,9 +17,8 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.cli import app
 from mwd_surface.exports.export import FORMATS
 from mwd_surface.live.inputs import HAND, InputState, InputTable, Role, StampClock
-from mwd_surface.runs import run_logs as module
-from mwd_surface.runs.player import recorded_book
-from mwd_surface.runs.run_logs import run_logs
+from mwd_surface.runs import player as module
+from mwd_surface.runs.player import recorded_book, run_logs
 
 S = 10**9
 T0 = 1_772_323_200 * S

@@ -157,7 +157,7 @@ import json, sys
 import mwd_surface
 mwd_surface.__path__.insert(0, sys.argv[1])
 import example_rig, example_surveys
-from mwd_surface.exports import export_csv, export_las, survey_table, time_series
+from mwd_surface.exports import csv_tables, export_las, survey_table, time_series
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.rig.blackboard.manifest import manifest
 from mwd_surface.rig.modbus import map as registers
@@ -174,7 +174,7 @@ print(json.dumps({
     "modbus": registers.FLOATS[80],
     "wits": dict(RecordWriter(Wits0Format()).formation(values))[899],
     "reads": RECORD_1[199].name,
-    "csv": export_csv.definitive_csv(listed),
+    "csv": csv_tables.definitive_csv(listed),
     "las": export_las.las(listed),
     "series": time_series.COLUMNS,
 }))

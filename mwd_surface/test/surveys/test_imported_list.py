@@ -10,7 +10,7 @@ import pytest
 
 from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import Reference
-from mwd_surface.exports.export_csv import definitive_csv
+from mwd_surface.exports.csv_tables import definitive_csv
 from mwd_surface.exports.export_las import las
 from mwd_surface.exports.export_witsml import witsml
 from mwd_surface.exports.report_content import content

@@ -17,7 +17,7 @@ from mwd_estimation.core.reason_text import joined
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.station import station
 from mwd_estimation.survey.survey import AzimuthEstimate, Verdict
-from mwd_surface.exports.export_csv import definitive_csv, raw_csv
+from mwd_surface.exports.csv_tables import definitive_csv, raw_csv
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.list_files.six_axis_table import TableStation
 from mwd_surface.signals.cells import fixed

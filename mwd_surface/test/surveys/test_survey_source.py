@@ -9,7 +9,7 @@ import pytest
 from plotted_bag import recorded
 
 from mwd_surface.bags.bag_reader import BagError
-from mwd_surface.exports.export_csv import definitive_csv
+from mwd_surface.exports.csv_tables import definitive_csv
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.surveys.leg import Origin, TieOn
 from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE
@@ -18,7 +18,7 @@ from mwd_surface.surveys.survey_source import stretches_of, surveys_of
 from mwd_surface.surveys.survey_store import SurveyStore, encoded
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import plan_of
-from mwd_surface.trajectory.slide_file import NAME, append_stretch
+from mwd_surface.trajectory.slide_sheet import NAME, append_stretch
 
 
 def without_well(surveys):

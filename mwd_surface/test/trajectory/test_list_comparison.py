@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from mwd_surface.exports.comparison_csv import comparison_csv
+from mwd_surface.exports.csv_tables import comparison_csv
 from mwd_surface.list_files.list_file import list_of
-from mwd_surface.plots.path_comparison import figure_of
+from mwd_surface.plots.path_plots import figure_of
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.trajectory.list_comparison import difference
 

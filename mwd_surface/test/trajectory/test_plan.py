@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.trajectory import plan as planning
-from mwd_surface.trajectory.plan_file import read_plan
+from mwd_surface.trajectory.plan import read_plan
 
 J_CURVE = planning.plan_of([0.0, 500.0, 1100.0, 2000.0], [0.0, 0.0, math.pi / 3, math.pi / 3], [0.0, 0.7, 0.7, 0.7])
 coordinates = st.tuples(st.floats(-800, 1500), st.floats(-800, 1500), st.floats(-100, 2500))

@@ -5,8 +5,7 @@ import os
 
 import pytest
 
-from mwd_surface.trajectory.slide_file import append_stretch, read_stretches
-from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, DrilledStretch
+from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, DrilledStretch, append_stretch, read_stretches
 
 ONE = DrilledStretch(
     SLIDE, 1.0, 2.0, 1_700_000_000_000_000_003, 1_700_000_000_000_000_004, 0.1 + 0.2, 0.9, magnetic=True

@@ -1,11 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options shared by several commands: source of the reference field and settings of the estimator."""
+"""
+Options shared by several commands: reference field, settings of the estimator, and how to read recordings and lists.
+
+A command gets the values of a group of options as one argument. An option for reading a recording has the name of the
+setting that it sets. The list of a command has single options, the plan has NAME=VALUE.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import datetime
-from collections.abc import Mapping, Sequence
+import functools
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
@@ -13,16 +20,60 @@ import typer
 
 from mwd_sensors.core import settings
 from mwd_sensors.core.settings import SettingsError, unknown_key
-from mwd_surface.commands.option_group import OptionGroup
+from mwd_surface.commands.sources import recording_at
 
 if TYPE_CHECKING:
     from mwd_estimation.settings.estimator import EstimatorSettings
+    from mwd_surface.list_files.list_settings import ListSettings
+    from mwd_surface.processing.bag_input import InputSettings
+    from mwd_surface.surveys.well import Well
+    from mwd_surface.trajectory.plan import Plan
 
 S = TypeVar("S")
 
 FIELD_PANEL = "Reference field"
 INPUT_PANEL = "Input"
 SETTINGS_PANEL = "Settings"
+
+
+class OptionGroup(NamedTuple):
+    """Group of options."""
+
+    argument: str  #: name of the argument with which a command gets the group
+    make: Callable[..., Any]  #: function that returns this argument from the values of all options by name
+    options: Mapping[str, Any]  #: by name of the option, its annotation for typer; without a default, an option is None
+
+
+def takes(*groups: OptionGroup) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator that adds the options of groups to a command, after the command's own options."""
+
+    def decorated(command: Callable[..., None]) -> Callable[..., None]:
+        for group in groups:
+            # The type of a group is imported only for the type checker.
+            del command.__annotations__[group.argument]
+        own = inspect.signature(command, eval_str=True)
+        arguments = {group.argument for group in groups}
+        kept = [parameter for parameter in own.parameters.values() if parameter.name not in arguments]
+        added = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+            for group in groups
+            for name, annotation in group.options.items()
+        ]
+
+        @functools.wraps(command)
+        def called(*arguments: Any, **given: Any) -> None:
+            made = {
+                group.argument: group.make(**{name: given.pop(name, None) for name in group.options})
+                for group in groups
+            }
+            command(*arguments, **given, **made)
+
+        # typer makes the options of the command line from the signature and the annotations.
+        called.__signature__ = own.replace(parameters=[*kept, *added])  # type: ignore[attr-defined]
+        called.__annotations__ = {one.name: one.annotation for one in (*kept, *added)}
+        return called
+
+    return decorated
 
 
 class GivenPlace(NamedTuple):
@@ -34,33 +85,25 @@ class GivenPlace(NamedTuple):
     field: str | None
 
 
+def _field(words: str, *, kind: Any = float | None, **more: Any) -> Any:
+    return Annotated[kind, typer.Option(help=words, rich_help_panel=FIELD_PANEL, **more)]
+
+
 #: Options for the source of the reference field; a command has them as the argument `place`.
 PLACE = OptionGroup(
     "place",
     GivenPlace,
     {
-        "lat": Annotated[
-            float | None, typer.Option(help="Latitude, deg, north positive.", rich_help_panel=FIELD_PANEL)
-        ],
-        "lon": Annotated[
-            float | None, typer.Option(help="Longitude, deg, east positive.", rich_help_panel=FIELD_PANEL)
-        ],
-        "date": Annotated[
-            str | None,
-            typer.Option(
-                help="Day for the field model, YYYY-MM-DD; by default the day of the data.",
-                rich_help_panel=FIELD_PANEL,
-                metavar="DAY",
-            ),
-        ],
-        "field": Annotated[
-            str | None,
-            typer.Option(
-                help="Known magnetic field: total in nT, dip and optionally declination in deg, e.g. 50360,71.63,-2.2.",
-                rich_help_panel=FIELD_PANEL,
-                metavar="B,D,D",
-            ),
-        ],
+        "lat": _field("Latitude, deg, north positive."),
+        "lon": _field("Longitude, deg, east positive."),
+        "date": _field(
+            "Day for the field model, YYYY-MM-DD; by default the day of the data.", kind=str | None, metavar="DAY"
+        ),
+        "field": _field(
+            "Known magnetic field: total in nT, dip and optionally declination in deg, e.g. 50360,71.63,-2.2.",
+            kind=str | None,
+            metavar="B,D,D",
+        ),
     },
 )
 Declination = Annotated[
@@ -347,3 +390,172 @@ def given_settings(kind: type[S], options: Mapping[str, Any]) -> S:
     """Return settings of a class from the options with the same names; an option that is None keeps the default."""
     names = (field.name for field in dataclasses.fields(kind))  # type: ignore[arg-type]
     return settings.from_mapping(kind, {name: options[name] for name in names if options.get(name) is not None})
+
+
+Recording = Annotated[
+    Path,
+    typer.Argument(
+        help="Folder of a rosbag2 recording, of a run or of results, or an .mcap, .db3 or .bag file.",
+        callback=recording_at,
+    ),
+]
+#: Values of the options for reading a recording, by name of the setting.
+Reading = Mapping[str, Any]
+
+
+def _input(words: str, *names: str, kind: Any = str | None) -> Any:
+    return Annotated[kind, typer.Option(*names, help=words, rich_help_panel=INPUT_PANEL)]
+
+
+_INPUT_OPTIONS: dict[str, Any] = {
+    "imu_topic": _input("Topic of the IMU, or of the gyro if gyro and accelerometer have separate topics."),
+    "accel_topic": _input("Topic of the accelerometer, if the topic of the IMU has only the gyro."),
+    "mag_topic": _input("Topic of the magnetometer."),
+    "gyro_topic": _input("Topic of the high-precision gyro unit."),
+    "temperature_topic": _input("Topic of the IMU's temperature."),
+    "rig_topic": _input("Topic of the rig data, which give the depths."),
+    "accel_unit": _input("Unit of specific force: m/s2, g or mg."),
+    "gyro_unit": _input("Unit of angular rate: rad/s or deg/s."),
+    "mag_unit": _input("Unit of the field: T, mT, uT, nT, G or mG."),
+    "stamps": _input(
+        "Times of the samples: header (stamps in the messages), or recording (times of recording) if the sensor clocks "
+        "disagree or were not set.",
+        "--stamps",
+    ),
+    "start_s": _input("Start this many seconds after the first message.", "--start", kind=float | None),
+    "end_s": _input("End this many seconds after the first message.", "--end", kind=float | None),
+    "partial": _input("Use the readable part of a damaged recording.", "--partial", kind=bool | None),
+}
+
+#: Options for reading a recording; a command has them as the argument `reading` (see `Reading`).
+READING = OptionGroup("reading", dict, _INPUT_OPTIONS)
+
+
+def given_names(reading: Reading) -> list[str]:
+    """Return the names of the given options, as written on the command line."""
+    from mwd_surface.processing.bag_input import option_of
+
+    return [option_of(name) for name, value in reading.items() if value]
+
+
+def input_settings(reading: Reading, **more: Any) -> InputSettings:
+    """
+    Return the input settings from the options of a command; more: further settings of the input.
+
+    Raises
+    ------
+    ValueError
+        The end is not later than the start, or a value is not allowed.
+    """
+    from mwd_surface.processing.bag_input import InputSettings
+
+    start, end = reading["start_s"] or 0.0, reading["end_s"]
+    if end is not None and end <= start:
+        raise ValueError(f"--end {end:g}: must be after --start {start:g}")
+    return given_settings(InputSettings, {**reading, **more})
+
+
+def _list(words: str, *names: str, kind: Any = str | None, **more: Any) -> Any:
+    return Annotated[kind, typer.Option(*names, help=words, rich_help_panel="List", **more)]
+
+
+# Command-line options for the fields of `ListSettings`, by field name.
+_LIST_OPTIONS: dict[str, Any] = {
+    "columns": _list("Columns of the list by quantity, if not recognised, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI."),
+    "length_unit": _list("Unit of lengths if the list does not give it: m, ft or ftus."),
+    "angle_unit": _list("Unit of angles if the list does not give it: deg, rad or grad."),
+    "north": _list("North of the azimuths if the list does not state it: magnetic, true or grid.", "--north"),
+    "decimal": _list("Decimal mark, point or comma, if numbers like 1,000 are ambiguous."),
+    "dip": _list("Direction of positive angles from the horizontal: down or up."),
+    "wellhead": _list(
+        "Northing and easting of the wellhead in the map coordinates of the list, m.", metavar="NORTHING,EASTING"
+    ),
+    "confirm": _list(
+        "Accept values of this kind that look wrong: dogleg, wellhead or depth. May be repeated.",
+        kind=list[str] | None,
+    ),
+}
+PlanSet = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--plan-set",
+        help="How to read the plan, with the options of `mwd path`, e.g. confirm=dogleg, north=grid or"
+        " wellhead=6478300,431200. May be repeated.",
+        metavar="NAME=VALUE",
+    ),
+]
+
+
+def list_settings(option: str = "--", **given: Any) -> ListSettings:
+    """
+    Return the settings of a list from options by name; an option that is None is not set.
+
+    option: prefix of the name of a setting on the command line, for messages.
+
+    Raises
+    ------
+    SettingsError
+        An option has an unknown word.
+    """
+    from mwd_surface.list_files.list_settings import ListSettings
+
+    words = {name: value if isinstance(value, str) else ",".join(value) for name, value in given.items() if value}
+    try:
+        return settings.changed(ListSettings(), {n: v if n == "columns" else v.lower() for n, v in words.items()})
+    except settings.SettingsError as error:
+        raise settings.SettingsError(f"{option}{error}") from error
+
+
+#: Options for reading a survey list; a command has them as the argument `listed`, of the type `ListSettings`.
+LIST = OptionGroup("listed", list_settings, _LIST_OPTIONS)
+
+
+def assigned(changes: Sequence[str] | None, option: str) -> ListSettings:
+    """
+    Return the settings of a list from NAME=VALUE texts; `confirm` can be given several times.
+
+    option: name of the option that has these texts, for messages.
+
+    Raises
+    ------
+    SettingsError
+        A text has no equals sign, or a name or word is unknown.
+    """
+    table: dict[str, Any] = {}
+    for change in changes or ():
+        name, equals, value = change.partition("=")
+        name = name.strip().replace("-", "_")
+        if not equals:
+            raise SettingsError(f"{option} {change}: write it as NAME=VALUE, for example {option} confirm=dogleg")
+        if name not in _LIST_OPTIONS:
+            raise SettingsError(unknown_key(name, _LIST_OPTIONS, option))
+        table[name] = [*table.get(name, ()), value] if name == "confirm" else value
+    return list_settings(f"{option} ", **table)
+
+
+def read_plan_option(path: Path | None, changes: Sequence[str] | None, well: Well | None = None) -> Plan | None:
+    """
+    Return the plan of --plan, read with the settings of --plan-set; None if --plan is not given.
+
+    well: well whose north the azimuths must have, and whose angle convention gives the sign of dips; None: any north.
+
+    Raises
+    ------
+    ListFileError
+        The plan cannot be read, as in `read_plan`; the message names options of --plan-set.
+    ValueError
+        --plan-set is given without --plan, or has an unknown name or word (SettingsError).
+    """
+    from mwd_surface.list_files.list_error import ListFileError
+    from mwd_surface.list_files.list_settings import asked
+    from mwd_surface.trajectory.plan import read_plan
+
+    given = assigned(changes, "--plan-set").given().with_dip(well.angles.points if well is not None else "")
+    if path is None:
+        if changes:
+            raise ValueError("--plan-set: has no effect without --plan")
+        return None
+    try:
+        return read_plan(path, well.north_reference if well is not None else "", given)
+    except ListFileError as error:
+        raise asked(error, "--plan-set {}={}") from error
