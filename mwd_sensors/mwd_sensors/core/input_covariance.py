@@ -49,19 +49,10 @@ _RATED, _SCATTERED = 16, 64
 
 @dataclasses.dataclass(frozen=True)
 class StatedNoise:
-    """
-    White noise of a vector as its covariances state it.
+    """White noise of a vector as its covariances state it."""
 
-    Attributes
-    ----------
-    sigma : float
-        1 sigma of a sample on its noisiest axis, rad/s, m/s^2 or T; 0 if no noise is stated.
-    period_s : float
-        Time between samples.
-    """
-
-    sigma: float = 0.0
-    period_s: float = 0.0
+    sigma: float = 0.0  #: 1 sigma of a sample on its noisiest axis, rad/s, m/s^2 or T; 0 if no noise is stated
+    period_s: float = 0.0  #: time between samples
 
     @property
     def density(self) -> float:

@@ -36,18 +36,10 @@ class WireError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """
-    Layout of one message type: a std_msgs/Header followed by fields of fixed size.
+    """Layout of one message type: a std_msgs/Header followed by fields of fixed size."""
 
-    Attributes
-    ----------
-    type_name : str
-        Name of the type in ROS, for example ``sensor_msgs/msg/Imu``.
-    fields : tuple of (name, kind, count)
-        Fields in wire order; kind is a ROS primitive, count the length of a fixed array or 1.
-    """
-
-    type_name: str
+    type_name: str  #: name of the type in ROS, for example ``sensor_msgs/msg/Imu``
+    #: Fields (name, kind, count) in wire order; kind is a ROS primitive, count the length of a fixed array or 1.
     fields: tuple[tuple[str, str, int], ...]
 
     @functools.cached_property

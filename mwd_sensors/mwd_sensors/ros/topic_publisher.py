@@ -21,18 +21,10 @@ RCLError = rclpy_implementation.RCLError
 
 
 class TopicPublisher(LifecyclePublisher):
-    """
-    Lifecycle publisher that reports refusals of the middleware instead of raising them.
+    """Lifecycle publisher that reports refusals of the middleware instead of raising them."""
 
-    Attributes
-    ----------
-    on_refusal : callable
-        Called with the error of each message that was not sent.
-    on_published : callable or None
-        Called with each message that was passed to `publish` while the publisher is active.
-    """
-
-    on_refusal: Callable[[Exception], None]
+    on_refusal: Callable[[Exception], None]  #: called with the error of each message that was not sent
+    #: Called with each message that was passed to `publish` while the publisher is active.
     on_published: Callable[[Any], None] | None = None
 
     def publish(self, msg: Any) -> None:

@@ -120,25 +120,15 @@ class Interference:
 
 @dataclasses.dataclass(frozen=True)
 class Disturbance:
-    """
-    Magnetic disturbances of one simulation in SI units; the random poles of the settings (`Interference`) are drawn.
+    """Magnetic disturbances of one simulation in SI; the random poles of the settings (`Interference`) are drawn."""
 
-    Attributes
-    ----------
-    hard : ndarray, shape (3,)
-        Field of the drill string in tool axes, T.
-    soft : ndarray, shape (3, 3)
-        Soft-iron matrix in tool axes.
-    anomaly_md, anomaly_n : ndarray, shape (k,) and (k, 3)
-        Measured depth, m, and field in NED, T, of the anomalies.
-    pole_position, pole_strength : ndarray, shape (p, 3) and (p,)
-        Position in NED, m, and strength, Wb, of the poles in the ground.
-    """
-
-    hard: Array
-    soft: Array
+    hard: Array  #: shape (3,); field of the drill string in tool axes, T
+    soft: Array  #: shape (3, 3); soft-iron matrix in tool axes
+    #: `anomaly_md`, `anomaly_n`: shape (k,) and (k, 3); measured depth, m, and field in NED, T, of the anomalies.
     anomaly_md: Array
     anomaly_n: Array
+    #: `pole_position`, `pole_strength`: shape (p, 3) and (p,); position in NED, m, and strength, Wb, of the poles in
+    #: the ground.
     pole_position: Array
     pole_strength: Array
     joints: ToolJoints | None

@@ -19,54 +19,31 @@ Vector = tuple[float, float, float]
 
 
 class WellPath(NamedTuple):
-    """
-    A hole made of circular arcs between stations (minimum curvature), straight above the first and below the last.
+    """A hole of circular arcs between stations (minimum curvature), straight above the first and below the last."""
 
-    Attributes
-    ----------
-    md : ndarray, shape (m,)
-        Measured depth at the start of each arc, m.
-    position : ndarray, shape (m, 3)
-        North, east, down at the start of each arc, m.
-    tangent, normal : ndarray, shape (m, 3)
-        Direction of the hole at the start of each arc, and the direction in which it bends, NED.
-    curvature : ndarray, shape (m,)
-        Curvature of each arc, rad/m.
-    azimuth : ndarray, shape (m,)
-        Azimuth to use where the arc is vertical, rad.
-    """
-
-    md: Array
-    position: Array
+    md: Array  #: shape (m,); measured depth at the start of each arc, m
+    position: Array  #: shape (m, 3); north, east, down at the start of each arc, m
+    #: `tangent`, `normal`: shape (m, 3); direction of the hole at the start of each arc, and the direction in which it
+    #: bends, NED.
     tangent: Array
     normal: Array
-    curvature: Array
-    azimuth: Array
+    curvature: Array  #: shape (m,); curvature of each arc, rad/m
+    azimuth: Array  #: shape (m,); azimuth to use where the arc is vertical, rad
 
 
 class Kinematics(NamedTuple):
-    """
-    Exact motion of the tool's reference point on its axis at n instants.
+    """Exact motion of the tool's reference point on its axis at n instants."""
 
-    Attributes
-    ----------
-    mat_nt : ndarray, shape (n, 3, 3)
-        Rotation from tool axes to north, east, down.
-    rate_t, rate_dot_t : ndarray, shape (n, 3)
-        Rotation relative to the local level frame, in tool axes, rad/s and rad/s^2.
-    position_n, velocity_n, acceleration_n : ndarray, shape (n, 3)
-        North, east, down from the wellhead, m, m/s, m/s^2.
-    md : ndarray, shape (n,)
-        Measured depth of the sonde, m.
-    """
-
-    mat_nt: Array
+    mat_nt: Array  #: shape (n, 3, 3); rotation from tool axes to north, east, down
+    #: `rate_t`, `rate_dot_t`: shape (n, 3); rotation relative to the local level frame, in tool axes, rad/s and
+    #: rad/s^2.
     rate_t: Array
     rate_dot_t: Array
+    #: `position_n`, `velocity_n`, `acceleration_n`: shape (n, 3); north, east, down from the wellhead, m, m/s, m/s^2.
     position_n: Array
     velocity_n: Array
     acceleration_n: Array
-    md: Array
+    md: Array  #: shape (n,); measured depth of the sonde, m
 
 
 class EarthAtPlace(NamedTuple):
@@ -78,25 +55,18 @@ class EarthAtPlace(NamedTuple):
 
 
 class HolePoint(NamedTuple):
-    """
-    Position on an arc of the hole, and the hole's direction there.
+    """Position on an arc of the hole, and the hole's direction there."""
 
-    Attributes
-    ----------
-    forward, aside : float
-        Distance from the start of the arc along its tangent and along its normal, m.
-    sin_inc, cos_inc, sin_azi, cos_azi : float
-        Sine and cosine of inclination and azimuth.
-    inc_s, azi_s, inc_ss, azi_ss : float
-        First and second derivatives of inclination and azimuth along the hole, rad/m and rad/m^2.
-    """
-
+    #: `forward`, `aside`: distance from the start of the arc along its tangent and along its normal, m.
     forward: float
     aside: float
+    #: `sin_inc`, `cos_inc`, `sin_azi`, `cos_azi`: sine and cosine of inclination and azimuth.
     sin_inc: float
     cos_inc: float
     sin_azi: float
     cos_azi: float
+    #: `inc_s`, `azi_s`, `inc_ss`, `azi_ss`: first and second derivatives of inclination and azimuth along the hole,
+    #: rad/m and rad/m^2.
     inc_s: float
     azi_s: float
     inc_ss: float

@@ -26,30 +26,17 @@ BLOCK_S = 1.0  # length of a block of received samples, s
 
 
 class OnAir(NamedTuple):
-    """
-    A group of words, or a sync, that the tool transmits.
+    """A group of words, or a sync, that the tool transmits."""
 
-    Attributes
-    ----------
-    link : str
-        Name of the link: mud_pulse, em, coil or serial.
-    start_s : float
-        Simulation time of the start.
-    edges_s, phases, octets : tuple of float, tuple of float, bytes
-        Content as in `telemetry.on_air.GroupSignal`; only the field that belongs to the link is filled.
-    width_s : float
-        Duration of a pulse or symbol.
-    frequency_hz : float
-        Carrier frequency.
-    """
-
-    link: str
-    start_s: float
+    link: str  #: name of the link: mud_pulse, em, coil or serial
+    start_s: float  #: simulation time of the start
+    #: `edges_s`, `phases`, `octets`: content as in `telemetry.on_air.GroupSignal`; only the field that belongs to the
+    #: link is filled.
     edges_s: tuple[float, ...] = ()
     phases: tuple[float, ...] = ()
     octets: bytes = b""
-    width_s: float = 0.0
-    frequency_hz: float = 0.0
+    width_s: float = 0.0  #: duration of a pulse or symbol
+    frequency_hz: float = 0.0  #: carrier frequency
 
     def on_true_clock(self, fast: float) -> OnAir:
         """
@@ -63,23 +50,14 @@ class OnAir(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """
-    One block of the received signal at the surface.
-
-    Attributes
-    ----------
-    start_s, period_s : float
-        Simulation time of the first sample, and time between samples.
-    values : ndarray, shape (n,)
-        Samples in Pa or V, or bytes of type uint8.
-    strokes : list of (int, float)
-        For a link through mud: pump number, from 1, and time of each stroke, s, in order of time.
-    """
+    """One block of the received signal at the surface."""
 
     link: str
+    #: `start_s`, `period_s`: simulation time of the first sample, and time between samples.
     start_s: float
     period_s: float
-    values: NDArray[Any]
+    values: NDArray[Any]  #: shape (n,); samples in Pa or V, or bytes of type uint8
+    #: For a link through mud: pump number, from 1, and time of each stroke, s, in order of time.
     strokes: list[tuple[int, float]]
 
 

@@ -73,44 +73,24 @@ class Rig:
 
 @dataclasses.dataclass(frozen=True)
 class Timeline:
-    """
-    Schedule of a simulation as functions of time.
+    """Schedule of a simulation as functions of time."""
 
-    Attributes
-    ----------
-    bit : Profile
-        Measured depth of the bit, m.
-    angle : Profile
-        Angle of the string, rad, without vibration.
-    envelopes : tuple of Profile
-        One envelope for each name of `vibration.ENVELOPES`.
-    hole : Profile
-        Depth of the hole, that is the greatest bit depth so far, m.
-    block, hookload, weight, torque : Profile
-        Block position, m; hookload, N; weight on bit, N; torque, N m.
-    flow : callable
-        Flow, m^3/s, called like a `Profile`; a `CommandedFlow` if the pumps obey commands.
-    slips, activity : Profile
-        In slips, 0 or 1; activity, one of `STILL`, `SLIDING`, `ROTATING`, `TRIPPING`.
-    still : list of (float, float)
-        Intervals without any motion, s.
-    seconds : float
-        Length of the schedule, s.
-    """
-
-    bit: Profile
-    angle: Profile
-    envelopes: tuple[Profile, ...]
-    hole: Profile
+    bit: Profile  #: measured depth of the bit, m
+    angle: Profile  #: angle of the string, rad, without vibration
+    envelopes: tuple[Profile, ...]  #: one envelope for each name of `vibration.ENVELOPES`
+    hole: Profile  #: depth of the hole, that is the greatest bit depth so far, m
+    #: `block`, `hookload`, `weight`, `torque`: block position, m; hookload, N; weight on bit, N; torque, N m.
     block: Profile
     hookload: Profile
     weight: Profile
     torque: Profile
+    #: Flow, m^3/s, called like a `Profile`; a `CommandedFlow` if the pumps obey commands.
     flow: Callable[[Array], Array]
+    #: `slips`, `activity`: in slips, 0 or 1; activity, one of `STILL`, `SLIDING`, `ROTATING`, `TRIPPING`.
     slips: Profile
     activity: Profile
-    still: list[tuple[float, float]]
-    seconds: float
+    still: list[tuple[float, float]]  #: intervals without any motion, s
+    seconds: float  #: length of the schedule, s
 
     def active(self, when: str) -> list[tuple[float, float]]:
         """Return the intervals, s, in which the envelope `when`, a name of `ENVELOPES`, is constant and above 0.5."""
@@ -361,19 +341,10 @@ def _bursts(
 
 @dataclasses.dataclass(frozen=True)
 class Profile:
-    """
-    Piecewise polynomial of time.
+    """Piecewise polynomial of time."""
 
-    Attributes
-    ----------
-    starts : ndarray, shape (m,)
-        Start of each piece, s, ascending; the last piece has no end.
-    terms : ndarray, shape (m, 7)
-        Coefficients, in rising powers, of the time since the start of the piece.
-    """
-
-    starts: Array
-    terms: Array
+    starts: Array  #: shape (m,); start of each piece, s, ascending; the last piece has no end
+    terms: Array  #: shape (m, 7); coefficients, in rising powers, of the time since the start of the piece
 
     def __call__(self, t: Array) -> Array:
         """Return value, rate and acceleration, shape (3, n), at ascending times t, s, shape (n,)."""

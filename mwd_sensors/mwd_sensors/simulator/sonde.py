@@ -468,29 +468,20 @@ def _motion(
 
 
 class TrueInputs(NamedTuple):
-    """
-    True motion and sensor inputs of n kinematic samples.
-
-    Attributes
-    ----------
-    mat_nt, rate_t, position_n, velocity_n, md : ndarray
-        Fields as in `Kinematics`.
-    rate_it : ndarray, shape (n, 3)
-        Rotation relative to inertial space, rad/s.
-    f_t, precision_f_t : ndarray, shape (n, 3)
-        Specific force at the conventional unit and at the precision unit, m/s^2; shape (0, 3) without a precision unit.
-    drive : ndarray, shape (n, 2)
-        Speed, rad/s, and torque, N m, of a top drive that obeys commands; shape (n, 0) without such a top drive.
-    """
+    """True motion and sensor inputs of n kinematic samples; fields without a description are as in `Kinematics`."""
 
     mat_nt: Array
     rate_t: Array
-    rate_it: Array
+    rate_it: Array  #: shape (n, 3); rotation relative to inertial space, rad/s
     position_n: Array
     velocity_n: Array
     md: Array
+    #: `f_t`, `precision_f_t`: shape (n, 3); specific force at the conventional unit and at the precision unit, m/s^2;
+    #: shape (0, 3) without a precision unit.
     f_t: Array
     precision_f_t: Array
+    #: Shape (n, 2); speed, rad/s, and torque, N m, of a top drive that obeys commands; shape (n, 0) without such a top
+    #: drive.
     drive: Array
 
 

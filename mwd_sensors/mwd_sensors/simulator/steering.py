@@ -39,33 +39,21 @@ _LEAST_SLIDE = 1e-5
 
 
 class State:
-    """
-    State of top drive and string, and the command in force.
+    """State of top drive and string, and the command in force."""
 
-    Attributes
-    ----------
-    drive, drive_rate, end, end_rate : float
-        Angle, rad, and speed, rad/s, of the top drive and of the lower end of the string.
-    mode : int
-        Mode of the command in force; _SCHEDULE before the first command.
-    speed, target, left : float
-        Commanded speed, rad/s, and angle, rad; remaining validity of the command, s.
-    then : int
-        Mode after the validity has ended: HOLD or RELEASE.
-    limit : float
-        Largest torque of the top drive while it turns on command, N m.
-    """
-
+    #: `drive`, `drive_rate`, `end`, `end_rate`: angle, rad, and speed, rad/s, of the top drive and of the lower end of
+    #: the string.
     drive: float
     drive_rate: float
     end: float
     end_rate: float
-    mode: int
+    mode: int  #: mode of the command in force; _SCHEDULE before the first command
+    #: `speed`, `target`, `left`: commanded speed, rad/s, and angle, rad; remaining validity of the command, s.
     speed: float
     target: float
     left: float
-    then: int
-    limit: float
+    then: int  #: mode after the validity has ended: HOLD or RELEASE
+    limit: float  #: largest torque of the top drive while it turns on command, N m
 
 
 _STATE = dtype_of(State)
