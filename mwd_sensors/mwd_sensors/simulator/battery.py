@@ -44,7 +44,7 @@ class SondeBattery(Pack):
         0.02, "1 sigma of the relative error of the charge counter, as a share.", low=0.0, high=0.5
     )
     run_h: float = setting(
-        0.0, "Run time of the electronics before the run. Raising it starts with an emptier battery.", unit="h", low=0.0
+        0.0, "Run time of the electronics before the run. Raising it starts with an emptier battery.", low=0.0
     )
     failures: tuple[tuple[float, str], ...] = setting(
         (), "Self-tests that fail. Each row has the time from which the test fails, s, and the name of the test."

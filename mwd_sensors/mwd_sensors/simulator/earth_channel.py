@@ -30,21 +30,18 @@ class EarthNoise:
     """Noise of the surface voltage: everything that is not the tool's signal."""
 
     telluric_v: float = setting(
-        2.0e-5, "1/f noise of earth currents and electrodes: rms value of the part below 1 Hz.", unit="V", low=0.0
+        2.0e-5, "1/f noise of earth currents and electrodes: rms value of the part below 1 Hz.", low=0.0
     )
-    amplifier_v: float = setting(2.0e-6, "White noise of the amplifier, rms at 250 Hz.", unit="V", low=0.0)
-    mains_v: float = setting(2.0e-4, "Mains: amplitude.", unit="V", low=0.0)
-    mains_hz: float = setting(50.0, "Mains: frequency.", unit="Hz", low=10.0, high=120.0)
-    drive_v: float = setting(1.0e-5, "Rig drives: amplitude of the first line.", unit="V", low=0.0)
+    amplifier_v: float = setting(2.0e-6, "White noise of the amplifier, rms at 250 Hz.", low=0.0)
+    mains_v: float = setting(2.0e-4, "Mains: amplitude.", low=0.0)
+    mains_hz: float = setting(50.0, "Mains: frequency.", low=10.0, high=120.0)
+    drive_v: float = setting(1.0e-5, "Rig drives: amplitude of the first line.", low=0.0)
     drive_hz: float = setting(
-        1.45,
-        "Rig drives: base frequency. Lines are at its multiples, as in the current of pumps and rotary.",
-        unit="Hz",
-        low=0.05,
+        1.45, "Rig drives: base frequency. Lines are at its multiples, as in the current of pumps and rotary.", low=0.05
     )
     switching_per_hour: float = setting(20.0, "Number of loads switched per hour.", low=0.0, high=1e4)
-    switching_v: float = setting(1.0e-3, "Step of the voltage when a load is switched.", unit="V", low=0.0)
-    full_scale_v: float = setting(0.1, "Largest voltage of the converter, of either sign.", unit="V", low=1e-4)
+    switching_v: float = setting(1.0e-3, "Step of the voltage when a load is switched.", low=0.0)
+    full_scale_v: float = setting(0.1, "Largest voltage of the converter, of either sign.", low=1e-4)
     adc_bits: int = setting(24, "Bits of the converter over its whole range.", low=8, high=32)
 
 

@@ -33,7 +33,7 @@ class Ground:
     """Layers from the surface down, the string in them, source and electrodes."""
 
     bottom_m: tuple[float, ...] = setting(
-        (1000.0, 12000.0), "Depth of the bottom of each layer; the last reaches below the bit.", unit="m", low=1.0
+        (1000.0, 12000.0), "Depth of the bottom of each layer; the last reaches below the bit.", low=1.0
     )
     resistivity: tuple[float, ...] = setting(
         (20.0, 10.0),
@@ -42,13 +42,13 @@ class Ground:
         low=0.05,
         high=1e5,
     )
-    depth_m: float = setting(2000.0, "Depth of the bit.", unit="m", low=50.0, high=12000.0)
-    below_m: float = setting(15.0, "Distance from the gap to the bit.", unit="m", low=1.0, high=200.0)
-    radius_m: float = setting(0.0635, "Outer radius of the string.", unit="m", low=0.02, high=0.3)
-    wall_m: float = setting(0.0092, "Wall thickness of the string.", unit="m", low=0.002, high=0.05)
-    source_v: float = setting(3.0, "Voltage across the gap.", unit="V", low=0.01, high=100.0)
-    source_a: float = setting(5.0, "Largest current of the source.", unit="A", low=0.01, high=50.0)
-    electrode_m: float = setting(60.0, "Distance from the wellhead to the electrode.", unit="m", low=1.0, high=2000.0)
+    depth_m: float = setting(2000.0, "Depth of the bit.", low=50.0, high=12000.0)
+    below_m: float = setting(15.0, "Distance from the gap to the bit.", low=1.0, high=200.0)
+    radius_m: float = setting(0.0635, "Outer radius of the string.", low=0.02, high=0.3)
+    wall_m: float = setting(0.0092, "Wall thickness of the string.", low=0.002, high=0.05)
+    source_v: float = setting(3.0, "Voltage across the gap.", low=0.01, high=100.0)
+    source_a: float = setting(5.0, "Largest current of the source.", low=0.01, high=50.0)
+    electrode_m: float = setting(60.0, "Distance from the wellhead to the electrode.", low=1.0, high=2000.0)
 
     def __post_init__(self) -> None:
         """

@@ -29,15 +29,13 @@ _ROD = 0.2  # length of the crank divided by the length of the connecting rod
 class Pump:
     """One mud pump."""
 
-    strokes_hz: float = setting(1.5, "Strokes per second (90 per minute is 1.5).", unit="Hz", low=0.1, high=5.0)
+    strokes_hz: float = setting(1.5, "Strokes per second (90 per minute is 1.5).", low=0.1, high=5.0)
     share: float = setting(1.0, "Share of the flow relative to the other pumps.", low=0.01, high=100.0)
     leak: float = setting(0.0, "Share of one piston's delivery that a leaking valve loses.", low=0.0, high=1.0)
     imbalance: float = setting(0.01, "Difference between the deliveries of the pistons.", low=0.0, high=0.5)
     hunting: float = setting(0.0015, "Variation of the stroke rate, 1 sigma, as a share.", low=0.0, high=0.2)
-    hunting_s: float = setting(15.0, "Correlation time of this variation.", unit="s", low=0.5, high=600.0)
-    counter_jitter_s: float = setting(
-        0.0, "Error of the time of a counted stroke, 1 sigma.", unit="s", low=0.0, high=0.2
-    )
+    hunting_s: float = setting(15.0, "Correlation time of this variation.", low=0.5, high=600.0)
+    counter_jitter_s: float = setting(0.0, "Error of the time of a counted stroke, 1 sigma.", low=0.0, high=0.2)
     counter_missed: float = setting(0.0, "Share of strokes that the counter misses.", low=0.0, high=0.5)
 
 
@@ -124,9 +122,9 @@ class PressureNoise:
     )
     gauge_pa: float = setting(300.0, "White noise of the gauge, rms at 100 Hz.", unit="Pa", low=0.0, high=1e6)
     stick_slip_pa: float = setting(0.0, "Stick-slip: amplitude at the bit.", unit="Pa", low=0.0, high=5e6)
-    stick_slip_hz: float = setting(0.18, "Stick-slip: frequency.", unit="Hz", low=0.02, high=2.0)
+    stick_slip_hz: float = setting(0.18, "Stick-slip: frequency.", low=0.02, high=2.0)
     bounce_pa: float = setting(0.0, "Bit bounce: amplitude at the bit.", unit="Pa", low=0.0, high=5e6)
-    bounce_hz: float = setting(6.0, "Bit bounce: frequency, three times the rotation.", unit="Hz", low=0.2, high=30.0)
+    bounce_hz: float = setting(6.0, "Bit bounce: frequency, three times the rotation.", low=0.2, high=30.0)
     stalls_per_hour: float = setting(0.0, "Number of motor stalls per hour.", low=0.0, high=200.0)
     stall_pa: float = setting(3.0e6, "Rise of the pressure in a stall, at the bit.", unit="Pa", low=0.0, high=2e7)
     full_scale_pa: float = setting(3.5e7, "Range of the gauge.", unit="Pa", low=1e5, high=2e8)
@@ -141,7 +139,7 @@ class MudChannel:
     pumps: tuple[Pump, ...] = setting((Pump(1.45), Pump(1.52)), "Pumps in parallel, which share the flow.")
     noise: PressureNoise = setting(PressureNoise, "Pressure noise.")
     valve_pa: float = setting(7.0e5, "Pressure drop of a pulse; negative for a valve to the annulus.", unit="Pa")
-    rise_s: float = setting(0.12, "Time constant of the valve.", unit="s", low=0.005, high=2.0)
+    rise_s: float = setting(0.12, "Time constant of the valve.", low=0.005, high=2.0)
     flow_off_s: tuple[tuple[float, float], ...] = setting((), "Begin and end of each span without flow, s.")
 
 

@@ -30,21 +30,21 @@ _ATMOSPHERE = 1.0e5  # atmospheric pressure, Pa
 class WellGeometry:
     """Settings of a well for the pressure waves: geometry, mud and surface piping."""
 
-    depth_m: float = setting(3000.0, "Measured depth of the bit.", unit="m", low=100.0, high=12000.0)
+    depth_m: float = setting(3000.0, "Measured depth of the bit.", low=100.0, high=12000.0)
     flow_m3_s: float = setting(0.033, "Flow rate.", unit="m^3/s", low=0.002, high=0.2)
     pressure_pa: float = setting(2.0e7, "Standpipe pressure at this flow.", unit="Pa", low=1e5, high=1e8)
     density: float = setting(1200.0, "Density of the mud.", unit="kg/m^3", low=500.0, high=2500.0)
     viscosity: float = setting(0.020, "Viscosity of the mud.", unit="Pa s", low=1e-4, high=1.0)
     bulk_modulus: float = setting(2.1e9, "Bulk modulus of the mud; gas lowers it.", unit="Pa", low=1e7, high=1e10)
-    bore_m: float = setting(0.1086, "Inner diameter of the drill pipe.", unit="m", low=0.03, high=0.3)
-    wall_m: float = setting(0.0092, "Wall thickness of the drill pipe.", unit="m", low=0.001, high=0.05)
-    hole_m: float = setting(0.2159, "Diameter of the hole.", unit="m", low=0.08, high=0.7)
-    collars_m: float = setting(150.0, "Length of the bottom-hole assembly, bore 71 mm.", unit="m", low=10.0, high=500.0)
+    bore_m: float = setting(0.1086, "Inner diameter of the drill pipe.", low=0.03, high=0.3)
+    wall_m: float = setting(0.0092, "Wall thickness of the drill pipe.", low=0.001, high=0.05)
+    hole_m: float = setting(0.2159, "Diameter of the hole.", low=0.08, high=0.7)
+    collars_m: float = setting(150.0, "Length of the bottom-hole assembly, bore 71 mm.", low=10.0, high=500.0)
     friction: float = setting(1600.0, "Pressure gradient of the mean flow in the pipe.", unit="Pa/m", low=0.0, high=1e4)
-    valve_to_bit_m: float = setting(15.0, "Distance from the pulse valve to the bit.", unit="m", low=1.0, high=100.0)
+    valve_to_bit_m: float = setting(15.0, "Distance from the pulse valve to the bit.", low=1.0, high=100.0)
     bit_pa: float = setting(5.0e6, "Pressure drop over nozzles and motor.", unit="Pa", low=1e5, high=3e7)
-    gauge_m: float = setting(25.0, "Length of pipe from the pumps to the gauge.", unit="m", low=1.0, high=200.0)
-    hose_m: float = setting(40.0, "Length from the gauge to the top of the string.", unit="m", low=1.0, high=200.0)
+    gauge_m: float = setting(25.0, "Length of pipe from the pumps to the gauge.", low=1.0, high=200.0)
+    hose_m: float = setting(40.0, "Length from the gauge to the top of the string.", low=1.0, high=200.0)
     dampener_m3: float = setting(0.075, "Volume of the pulsation dampener.", unit="m^3", low=0.0, high=1.0)
     precharge: float = setting(
         0.35,

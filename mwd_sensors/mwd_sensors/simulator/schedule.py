@@ -37,7 +37,7 @@ class SchedulePhase:
         30.0, "Rate of penetration, or speed of a move (negative: upwards).", unit="m/h", low=-36000.0, high=36000.0
     )
     toolface_deg: float | None = setting(
-        None, "Toolface of a slide. Without it the toolface stays as it is.", unit="deg", low=-360.0, high=360.0
+        None, "Toolface of a slide. Without it the toolface stays as it is.", low=-360.0, high=360.0
     )
     vibration: float = setting(1.0, "Factor on all vibration while drilling or moving.", low=0.0, high=10.0)
     pumps: bool = setting(True, "True if the pumps run while the string stands still or moves.")
@@ -48,15 +48,15 @@ class SchedulePhase:
 class Rig:
     """Properties of the rig."""
 
-    ramp_s: float = setting(3.0, "Time in which rotation or feed changes to a new value.", unit="s", low=0.0, high=60.0)
-    pump_ramp_s: float = setting(2.0, "Time in which the pumps start or stop.", unit="s", low=0.1, high=120.0)
+    ramp_s: float = setting(3.0, "Time in which rotation or feed changes to a new value.", low=0.0, high=60.0)
+    pump_ramp_s: float = setting(2.0, "Time in which the pumps start or stop.", low=0.1, high=120.0)
     running_start: bool = setting(False, "True if the first phase is already under way at time zero.")
     pick_up_m: float = setting(
-        0.5, "Distance by which the bit is lifted off bottom before a connection.", unit="m", low=0.0, high=30.0
+        0.5, "Distance by which the bit is lifted off bottom before a connection.", low=0.0, high=30.0
     )
-    stand_m: float = setting(9.0, "Length of pipe that a connection adds.", unit="m", low=0.5, high=40.0)
-    flow_lpm: float = setting(1200.0, "Flow while drilling.", unit="l/min", low=0.0, high=6000.0)
-    pressure_bar: float = setting(110.0, "Standpipe pressure at the drilling flow.", unit="bar", low=0.0, high=600.0)
+    stand_m: float = setting(9.0, "Length of pipe that a connection adds.", low=0.5, high=40.0)
+    flow_lpm: float = setting(1200.0, "Flow while drilling.", low=0.0, high=6000.0)
+    pressure_bar: float = setting(110.0, "Standpipe pressure at the drilling flow.", low=0.0, high=600.0)
     time_lapse: float = setting(
         1.0,
         "Factor by which the bit advances faster than the rate of penetration, so that hours of drilling pass in "
@@ -64,11 +64,11 @@ class Rig:
         low=1.0,
         high=1000.0,
     )
-    string_kn: float = setting(450.0, "Hookload with the string hanging free.", unit="kN", low=1.0, high=5000.0)
-    block_kn: float = setting(60.0, "Hookload of the empty hook.", unit="kN", low=0.0, high=1000.0)
-    weight_on_bit_kn: float = setting(60.0, "Weight on bit while drilling.", unit="kN", low=0.0, high=1000.0)
+    string_kn: float = setting(450.0, "Hookload with the string hanging free.", low=1.0, high=5000.0)
+    block_kn: float = setting(60.0, "Hookload of the empty hook.", low=0.0, high=1000.0)
+    weight_on_bit_kn: float = setting(60.0, "Weight on bit while drilling.", low=0.0, high=1000.0)
     torque_knm: float = setting(8.0, "Torque while drilling with rotation.", unit="kN m", low=0.0, high=200.0)
-    bottom_block_m: float = setting(2.0, "Block height at a connection.", unit="m", low=0.0, high=50.0)
+    bottom_block_m: float = setting(2.0, "Block height at a connection.", low=0.0, high=50.0)
 
 
 @dataclasses.dataclass(frozen=True)
