@@ -81,7 +81,7 @@ def assemble(path: WellPath, feed: Array, feed_dot: Array, turn: Array, shake: A
     The caller has set the measured depths `out.md`.
 
     feed and feed_dot, shape (n,): rate and acceleration of the measured depth, m/s and m/s^2. turn, shape (3, n): angle
-    of the string, rad, with its rate and acceleration. shake, shape (6, 3, n): the channels of `vibration_sources`.
+    of the string, rad, with its rate and acceleration. shake, shape (6, 3, n): the channels of `vibration`.
     """
     arc = 0
     for i in range(len(out.md)):

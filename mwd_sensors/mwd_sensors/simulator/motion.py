@@ -18,13 +18,14 @@ from numpy.typing import ArrayLike
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.simulator.kinematics import Kinematics, WellPath, assemble
 from mwd_sensors.simulator.schedule import Timeline
-from mwd_sensors.simulator.vibration import Sweep, Vibrations
-from mwd_sensors.simulator.vibration_sources import (
+from mwd_sensors.simulator.vibration import (
     CHANNELS,
     Hits,
     PerTurnLines,
     SpectralLines,
+    Sweep,
     SweepLines,
+    Vibrations,
     add_hits,
     add_lines,
     add_per_turn,

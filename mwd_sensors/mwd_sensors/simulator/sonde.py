@@ -25,7 +25,7 @@ from mwd_sensors.simulator.kinematics import EarthAtPlace, sensed
 from mwd_sensors.simulator.scenario import Scenario, SimulatedUnit, parse_date
 from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
-from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
+from mwd_sensors.simulator.vibration import draw_hits, draw_lines
 
 # Streams of random numbers. Append new streams and keep the order, so that old seeds give the same simulations.
 _STREAMS = (

@@ -6,8 +6,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Pressure, PressureNoise, Pump
-from mwd_sensors.simulator.mud_line import WellGeometry, wave_speed
+from mwd_sensors.simulator.mud_channel import (
+    RATE_HZ,
+    MudChannel,
+    Pressure,
+    PressureNoise,
+    Pump,
+    WellGeometry,
+    wave_speed,
+)
 
 QUIET = MudChannel(pumps=(), noise=PressureNoise(bit_pa=0.0, surface_pa=0.0, gauge_pa=0.0, adc_bits=24))
 

@@ -6,8 +6,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mwd_sensors.simulator import mud_line
-from mwd_sensors.simulator.mud_line import WellGeometry, responses, wave_speed
+from mwd_sensors.simulator import mud_channel
+from mwd_sensors.simulator.mud_channel import WellGeometry, responses, wave_speed
 
 FREQUENCY = np.array([1.0, 4.0, 12.0, 24.0])
 
@@ -15,7 +15,7 @@ FREQUENCY = np.array([1.0, 4.0, 12.0, 24.0])
 def loss_db(friction):
     """Loss of 3 km of drill pipe."""
     well = WellGeometry()
-    line = mud_line._line(well, 2.0 * np.pi * FREQUENCY, 0.5 * well.bore_m, 0.25 * np.pi * well.bore_m**2, friction)
+    line = mud_channel._line(well, 2.0 * np.pi * FREQUENCY, 0.5 * well.bore_m, 0.25 * np.pi * well.bore_m**2, friction)
     return 3000.0 * line[0].real * 20.0 / np.log(10.0)
 
 

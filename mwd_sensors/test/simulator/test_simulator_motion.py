@@ -20,8 +20,9 @@ from mwd_sensors.simulator.vibration import (
     Tone,
     Vibrations,
     Whirl,
+    draw_hits,
+    draw_lines,
 )
-from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
 
 EVERYTHING = Vibrations(
     random=(RandomVibration((8.0, 60.0), (5.0, 10.0, 10.0), (20.0, 5.0, 5.0)),),
