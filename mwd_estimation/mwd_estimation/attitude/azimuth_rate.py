@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from mwd_estimation.attitude.gyro_azimuth_state import (
+from mwd_estimation.attitude.gyro_azimuth_filter import (
     BINS,
     BinSums,
     Error,

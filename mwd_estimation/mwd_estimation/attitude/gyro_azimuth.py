@@ -25,7 +25,7 @@ import numpy as np
 from mwd_estimation.attitude import azimuth_rate
 from mwd_estimation.attitude import gyro_azimuth_filter as kalman_filter
 from mwd_estimation.attitude.block import BinEvent
-from mwd_estimation.attitude.gyro_azimuth_state import (
+from mwd_estimation.attitude.gyro_azimuth_filter import (
     AZIMUTH_ROW,
     BINS,
     NO_BIN,
@@ -59,7 +59,7 @@ def run(
     Parameters
     ----------
     state : ndarray, shape (1,)
-        State from `gyro_azimuth_state.initial`, changed in place; the result does not depend on the cut into blocks.
+        State from `gyro_azimuth_filter.initial`, changed in place; the result does not depend on the cut into blocks.
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
         Samples; `gyro_turn` is filled where gravity and rates are known.
     steps : ndarray of dtype BIN_EVENT, shape (m,)

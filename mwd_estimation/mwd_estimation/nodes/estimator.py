@@ -40,8 +40,7 @@ from mwd_estimation.gravity.bounded import sample_meaning
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.action_servers import FEEDBACK_PERIOD, EstimatorActions
 from mwd_estimation.nodes.inputs import InputTopics
-from mwd_estimation.nodes.log_publisher import LogPublisher, Running
-from mwd_estimation.nodes.transmission import TransmissionPublisher
+from mwd_estimation.nodes.transmission import LogPublisher, Running, TransmissionPublisher
 from mwd_estimation.nodes.warm_up import warm_up
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline

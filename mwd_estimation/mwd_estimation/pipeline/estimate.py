@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mwd_estimation.attitude import drilling_dynamics, toolface_dwell
 from mwd_estimation.attitude.block import Block
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
-from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, PropagatedAzimuth
+from mwd_estimation.attitude.gyro_azimuth_filter import PrecisionRates, PropagatedAzimuth
 from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
 from mwd_estimation.attitude.sample import samples_of
 from mwd_estimation.core import clip_flags, input_gate

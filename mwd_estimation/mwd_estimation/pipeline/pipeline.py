@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mwd_estimation.attitude import time_alignment_state
+from mwd_estimation.attitude import time_alignment
 from mwd_estimation.core.calibrated_range import TemperatureWatch
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.input_gate import InputGate
@@ -491,7 +491,7 @@ def with_noise(settings: EstimatorSettings, stated: Mapping[str, StatedNoise]) -
     accel_bias = tool.accelerometer.bias_ug
     taken = "more than the settings of the tool; the sigmas are widened accordingly"
     # Averaging time of the continuous attitude, s, which is shorter than the averaging time of a station.
-    seconds = max(2.0 * time_alignment_state.TimeAlignmentParams().smoothing_s, accel.period_s, mag.period_s)
+    seconds = max(2.0 * time_alignment.TimeAlignmentParams().smoothing_s, accel.period_s, mag.period_s)
     density = math.degrees(gyro.density) * 60.0
     if density > _LARGER * gyro_noise:
         gyro_noise = density

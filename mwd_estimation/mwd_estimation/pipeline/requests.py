@@ -116,7 +116,7 @@ class Requests:
         """
         Pass a block to the rotary survey.
 
-        samples: dtype `attitude.sample.SAMPLE`; pairs: dtype `attitude.time_alignment_state.PAIR`. When the survey
+        samples: dtype `attitude.sample.SAMPLE`; pairs: dtype `attitude.time_alignment.PAIR`. When the survey
         ends, return its average or refusal, and the rotary speed, rad/s; otherwise None.
         """
         if self._rotary is None:

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from mwd_estimation.attitude import azimuth_rate
-from mwd_estimation.attitude.gyro_azimuth_state import BIN_SUMS, GyroAzimuthParams, PrecisionRates, at_latitude, initial
+from mwd_estimation.attitude.gyro_azimuth_filter import (
+    BIN_SUMS,
+    GyroAzimuthParams,
+    PrecisionRates,
+    at_latitude,
+    initial,
+)
 from mwd_sensors.core.arrays import Samples
 
 PARAMS = at_latitude(GyroAzimuthParams(), 60.0)._replace(precision_range=1.0, vertical_sin2=1e-3)

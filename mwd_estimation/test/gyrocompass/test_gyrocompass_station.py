@@ -12,7 +12,7 @@ from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Binner
-from mwd_estimation.gyrocompass.seek_params import TACTICAL, white_noise
+from mwd_estimation.gyrocompass.seek_state import TACTICAL, white_noise
 from mwd_estimation.gyrocompass.station import GyroStation
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings import derivation

@@ -11,8 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from mwd_estimation.gyrocompass import north_seek, seek_filter
-from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
-from mwd_estimation.gyrocompass.seek_state import Error, SeekState, estimate
+from mwd_estimation.gyrocompass.seek_state import Error, SeekParams, SeekState, estimate, kernel_params
 from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import mat_nt
 

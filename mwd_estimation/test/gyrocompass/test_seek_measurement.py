@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.testing import assert_allclose
 
-from mwd_estimation.gyrocompass.seek_measurement import frame
+from mwd_estimation.gyrocompass.seek_filter import frame
 from mwd_sensors.core.frames import mat_nt
 
 

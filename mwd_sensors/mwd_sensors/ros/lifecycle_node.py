@@ -36,9 +36,8 @@ from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.middleware_events import MiddlewareEvents
 from mwd_sensors.ros.parameters import SettingsParameters, given_at_start
 from mwd_sensors.ros.qos import STATE, offered
-from mwd_sensors.ros.refused_entity import RefusedEntityError, is_enforced, named_refusal
+from mwd_sensors.ros.refused_entity import RefusedEntityError, TopicPublisher, is_enforced, named_refusal
 from mwd_sensors.ros.request_rules import refusal
-from mwd_sensors.ros.topic_publisher import TopicPublisher
 
 T = TypeVar("T")
 
