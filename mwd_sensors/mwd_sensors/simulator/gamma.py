@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.settings import setting
-from mwd_sensors.simulator.kinematics import WellPath
+from mwd_sensors.simulator.motion import WellPath
 
 _PERIOD_S = 0.04  # counting interval, s, in which the tool turns by 29 deg at 120 r/min
 _DIRECTIONS = 24  # number of directions around the hole over which the rock is averaged

@@ -21,7 +21,7 @@ from mwd_sensors.simulator import faults, instrument, interference, motion, stee
 from mwd_sensors.simulator.battery import BatteryModel
 from mwd_sensors.simulator.gamma import GammaDetector
 from mwd_sensors.simulator.instrument_grade import grade
-from mwd_sensors.simulator.kinematics import EarthAtPlace, sensed
+from mwd_sensors.simulator.motion import EarthAtPlace, sensed
 from mwd_sensors.simulator.scenario import Scenario, SimulatedUnit, parse_date
 from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
