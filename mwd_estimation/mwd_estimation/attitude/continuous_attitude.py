@@ -48,16 +48,7 @@ _MAX_TILT = 0.1
 
 
 class AttitudeStream:
-    """
-    Attitude of one tool, block by block; the result does not depend on how the samples are cut into blocks.
-
-    Attributes
-    ----------
-    handed_on : ndarray of dtype `time_alignment.PAIR`
-        Magnetic samples selected in the last block, one per interval, with gravity at their own stamps.
-    propagated : list of PropagatedAzimuth
-        Propagated azimuths at each bin event of the last block.
-    """
+    """Attitude of one tool, block by block; the result does not depend on how the samples are cut into blocks."""
 
     def __init__(
         self,
@@ -73,8 +64,10 @@ class AttitudeStream:
         self._alignment_state = initial_alignment()
         self._rejected_state = rejected_samples.initial()
         self._mag = MagBlock(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+        #: Dtype `time_alignment.PAIR`; magnetic samples selected in the last block, one per interval, with gravity at
+        #: their own stamps.
         self.handed_on = np.zeros(0, dtype=PAIR)
-        self.propagated: list[PropagatedAzimuth] = []
+        self.propagated: list[PropagatedAzimuth] = []  #: propagated azimuths at each bin event of the last block
         self.set_reference(None)
 
     def set_reference(self, reference: Reference | None) -> None:

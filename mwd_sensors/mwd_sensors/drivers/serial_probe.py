@@ -329,20 +329,11 @@ _STEP_NS, _AGREEING, _ALIKE_NS, _LASTING_NS = 200_000_000, 3, 50_000_000, 2_500_
 
 
 class UnitClock:
-    """
-    Estimate of the offset from the unit's time to the host's time.
-
-    Attributes
-    ----------
-    offset_ns : int
-        Offset in force; 0 before it is known.
-    jumps : int
-        Number of times that the offset changed at once; -1 before it is known.
-    """
+    """Estimate of the offset from the unit's time to the host's time."""
 
     def __init__(self) -> None:
-        self.offset_ns = 0
-        self.jumps = -1
+        self.offset_ns = 0  #: offset in force; 0 before it is known
+        self.jumps = -1  #: number of times that the offset changed at once; -1 before it is known
         self._seen: collections.deque[int] = collections.deque(maxlen=_KEPT)
         # Host time and offset of recent observations that differ from the present offset but agree with each other.
         self._off: list[tuple[int, int]] = []

@@ -66,16 +66,12 @@ class BatteryModel:
     ----------
     rng : Generator
         Random numbers for the errors of the meters.
-
-    Attributes
-    ----------
-    used : float
-        Used share of the charge: 1 means that the battery is empty.
     """
 
     def __init__(self, settings: SondeBattery, rng: np.random.Generator) -> None:
         self.settings, self._rng = settings, rng
         self._scale = 1.0 + settings.counter_error * float(rng.standard_normal())
+        #: Used share of the charge: 1 means that the battery is empty.
         self.used = settings.used_ah / settings.capacity_ah
         self._charge = settings.used_ah * 3600.0
 

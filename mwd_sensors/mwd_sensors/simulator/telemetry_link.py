@@ -267,11 +267,6 @@ class TelemetryLink:
         Position and axis of the sonde at a simulation time, s.
     clock : float
         Relative error of the tool's clock, positive if the clock runs fast.
-
-    Attributes
-    ----------
-    late : int
-        Number of pulses, symbol groups and frames that came too late for their channel and are lost.
     """
 
     def __init__(
@@ -288,7 +283,7 @@ class TelemetryLink:
         self._random = np.random.default_rng(np.random.SeedSequence(seed).spawn(64)[63])
         self._flows = 0
         self._done_s = 0.0
-        self.late = 0
+        self.late = 0  #: number of pulses, symbol groups and frames that came too late for their channel and are lost
 
     def _channel(self, telemetry: Telemetry, tool: ToolConfiguration, seed: int, place: Place) -> LinkChannel:
         if tool.link == "em":
