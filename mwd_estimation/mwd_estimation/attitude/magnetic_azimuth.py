@@ -46,25 +46,19 @@ _EXTERNAL, _EXTERNAL_NS = 300e-9, 60_000_000_000
 
 
 class MagneticAzimuths:
-    """
-    Magnetic azimuths with their sigmas, and the interference filter that computes them.
-
-    Attributes
-    ----------
-    innovation : Innovation
-        Innovation of the field against the reference, since the reference was set.
-    withdrawn : bool
-        Set to True to withdraw the earlier azimuths; the next one then restarts the propagated azimuth.
-    """
+    """Magnetic azimuths with their sigmas, and the interference filter that computes them."""
 
     def __init__(self, params: interference_filter.InterferenceParams, errors: SensorErrors) -> None:
         self._params, self._errors = params, errors
-        self.withdrawn = self._new_start = False
+        #: Set to True to withdraw the earlier azimuths; the next one then restarts the propagated azimuth.
+        self.withdrawn = False
+        self._new_start = False
         self.set_reference(None)
 
     def set_reference(self, reference: Reference | None) -> None:
         """Use this reference field from the next sample on; restart the estimate of the interference."""
         self._reference = reference
+        #: Innovation of the field against the reference, since the reference was set.
         self.innovation = Innovation("magnetic_field", gate=math.sqrt(self._params.gate))
         self._state: Samples | None = None
         if reference is not None and reference.has_field:

@@ -61,18 +61,6 @@ class Pipeline:
     ------
     ValueError
         If the settings do not allow an estimate: a file cannot be read, or the place has no field.
-
-    Attributes
-    ----------
-    noise_notes : list of str
-        A sentence for each vector whose stated noise is larger than that of the tool's settings and is therefore used.
-    given_reference : Reference or None
-        The reference that replaces the reference of the settings; None if the settings are used.
-    gate : InputGate
-        The gate that all samples pass. Samples may pass the gate before they are pushed: passing the gate twice changes
-        nothing.
-    temperature : TemperatureWatch
-        Temperatures outside the range of the calibration, at which the sigmas are increased.
     """
 
     def __init__(
@@ -85,12 +73,17 @@ class Pipeline:
         derivation.check(settings)
         self.settings = settings
         self.mount = mount or resolve(settings.tool.mount)
+        #: The gate that all samples pass. Samples may pass the gate before they are pushed: passing the gate twice
+        #: changes nothing.
         self.gate = InputGate(derivation.input_ranges(settings))
         self.counters = SampleCounters()
         self._numbering = Numbering()
-        self.given_reference = reference
+        self.given_reference = reference  #: the reference that replaces the reference of the settings, if any
+        #: `noise_notes`: a sentence for each vector whose stated noise is larger than that of the tool's settings and
+        #: is therefore used.
         self._with_noise, self.noise_notes = with_noise(settings, noise or {})
         self._onset = NoiseOnset(noise or {}, round(settings.tool.magnetometer.delay_s * 1e9))
+        #: Temperatures outside the range of the calibration, at which the sigmas are increased.
         self.temperature = TemperatureWatch(derivation.calibrated_range(settings.tool))
         self.reset()
 

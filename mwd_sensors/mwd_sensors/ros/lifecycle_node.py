@@ -69,13 +69,6 @@ class GraphNode(LifecycleNode, Generic[T]):
     **node_options
         Options of `rclpy.lifecycle.LifecycleNode`.
 
-    Attributes
-    ----------
-    active : bool
-        True while the node is in the state `active`.
-    stop_requested : Future
-        Done when the process should end; its exception, if any, is the reason why the node cannot do its work.
-
     Raises
     ------
     SettingsError
@@ -100,8 +93,10 @@ class GraphNode(LifecycleNode, Generic[T]):
         self._entities: list[tuple[Any, Callable[[], Any]]] = []
         self._retired: list[contextlib.ExitStack] = []
         self._buffers: list[MessageBuffer] = []
-        self.active = self._configured = self._finalized = False
+        self.active = False  #: True while the node is in the state `active`
+        self._configured = self._finalized = False
         self._failures = CallbackFailures()
+        #: Done when the process should end; its exception, if any, is the reason why the node cannot do its work.
         self.stop_requested: Future = Future()
         self._stop_timer: Timer | None = None
         steady = Clock(clock_type=ClockType.STEADY_TIME)
