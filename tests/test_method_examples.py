@@ -26,7 +26,7 @@ from mwd_estimation.survey.station import StationSettings, station
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.dipole import dipole_field
 from mwd_sensors.core.frames import mat_nt
-from mwd_sensors.simulator.mud_line import WellGeometry, responses
+from mwd_sensors.simulator.mud_channel import WellGeometry, responses
 from mwd_sensors.telemetry.downlink import Downlink, DownlinkFrame, levels, programme
 from mwd_sensors.telemetry.pulse_position import encode, packets
 from mwd_surface.receiver import sonde_locate, surface_readings

@@ -5,8 +5,7 @@ import functools
 
 import numpy as np
 
-from mwd_sensors.simulator.mud_channel import MudChannel
-from mwd_sensors.simulator.mud_line import WellGeometry
+from mwd_sensors.simulator.mud_channel import MudChannel, WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry import pulse_position
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration

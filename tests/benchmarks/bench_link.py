@@ -16,8 +16,7 @@ import numpy as np
 from scipy import signal
 
 import telemetry_limits as limits
-from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Pressure, PressureNoise, Pump
-from mwd_sensors.simulator.mud_line import WellGeometry
+from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Pressure, PressureNoise, Pump, WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver

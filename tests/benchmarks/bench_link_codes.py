@@ -17,10 +17,8 @@ from scipy import signal
 import telemetry_limits as limits
 from mwd_sensors.simulator import carrier_tool, serial_channel
 from mwd_sensors.simulator.earth_channel import RATE_HZ as EARTH_HZ
-from mwd_sensors.simulator.earth_channel import EarthChannel, EarthVoltage, earth_run
-from mwd_sensors.simulator.earth_line import Ground, response
-from mwd_sensors.simulator.mud_channel import MudChannel, Pump
-from mwd_sensors.simulator.mud_line import WellGeometry
+from mwd_sensors.simulator.earth_channel import EarthChannel, EarthVoltage, Ground, earth_run, response
+from mwd_sensors.simulator.mud_channel import MudChannel, Pump, WellGeometry
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE, frame_bytes
 from mwd_sensors.telemetry.tool_configuration import starting
 from mwd_surface.receiver.link.receivers import receiver_of

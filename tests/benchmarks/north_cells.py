@@ -19,7 +19,7 @@ from north_signals import Motion, measured, motion, steady, still
 from numpy.typing import NDArray
 
 from mwd_estimation.gyrocompass import north_seek, static_ekf
-from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass.seek_state import SeekParams
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G
 from mwd_sensors.core.frames import wrap_pi

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mwd_estimation.attitude.gyro_azimuth_state import AzimuthRow, MagneticAzimuth
+from mwd_estimation.attitude.gyro_azimuth_filter import AzimuthRow, MagneticAzimuth
 from mwd_estimation.attitude.sample import Sample
-from mwd_estimation.attitude.time_alignment_state import AttitudeRow
+from mwd_estimation.attitude.time_alignment import AttitudeRow
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
@@ -68,8 +68,8 @@ def write(
         Changed in place.
     samples, plain, azimuth : ndarray, shape (n,)
         Samples, attitude without interference filter and gyros, and gyro-propagated azimuth; dtypes `sample.SAMPLE`,
-        `time_alignment_state.ATTITUDE_ROW` and `gyro_azimuth_state.AZIMUTH_ROW`.
-    magnetic : ndarray of dtype `gyro_azimuth_state.MAGNETIC_AZIMUTH`, shape (k,)
+        `time_alignment.ATTITUDE_ROW` and `gyro_azimuth_filter.AZIMUTH_ROW`.
+    magnetic : ndarray of dtype `gyro_azimuth_filter.MAGNETIC_AZIMUTH`, shape (k,)
         Magnetic azimuths measured within the stretch.
     attitude, gravity : ndarray, shape (n,)
         Output, dtypes `wire.ATTITUDE` and `wire.GRAVITY`.

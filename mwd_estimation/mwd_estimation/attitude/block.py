@@ -7,7 +7,7 @@ import dataclasses
 import math
 from typing import NamedTuple
 
-from mwd_estimation.attitude.time_alignment_state import FieldModel
+from mwd_estimation.attitude.time_alignment import FieldModel
 from mwd_sensors.core.arrays import Array, Samples
 
 

@@ -17,35 +17,28 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.attitude import (
-    attitude_rows,
-    gyro_azimuth,
-    gyro_azimuth_state,
-    rejected_samples,
-    time_alignment,
-    time_alignment_state,
-)
+from mwd_estimation.attitude import attitude_rows, gyro_azimuth, gyro_azimuth_filter, rejected_samples, time_alignment
 from mwd_estimation.attitude.attitude_rows import LAST_MAGNETIC, OneFieldStretch
 from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce
-from mwd_estimation.attitude.gyro_azimuth_filter import GATE
-from mwd_estimation.attitude.gyro_azimuth_state import (
+from mwd_estimation.attitude.gyro_azimuth_filter import (
     BIN_EVENT,
+    GATE,
     MAGNETIC_AZIMUTH,
     PrecisionRates,
     PropagatedAzimuth,
     at_latitude,
 )
-from mwd_estimation.attitude.gyro_azimuth_state import initial as initial_azimuth
+from mwd_estimation.attitude.gyro_azimuth_filter import initial as initial_azimuth
 from mwd_estimation.attitude.magnetic_azimuth import MagneticAzimuths
-from mwd_estimation.attitude.time_alignment_state import PAIR, MagBlock
-from mwd_estimation.attitude.time_alignment_state import initial as initial_alignment
+from mwd_estimation.attitude.time_alignment import PAIR, MagBlock
+from mwd_estimation.attitude.time_alignment import initial as initial_alignment
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import ACCEL
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
-from mwd_estimation.magnetic import interference_state
+from mwd_estimation.magnetic import interference_filter
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps, joined
 
@@ -55,22 +48,13 @@ _MAX_TILT = 0.1
 
 
 class AttitudeStream:
-    """
-    Attitude of one tool, block by block; the result does not depend on how the samples are cut into blocks.
-
-    Attributes
-    ----------
-    handed_on : ndarray of dtype `time_alignment_state.PAIR`
-        Magnetic samples selected in the last block, one per interval, with gravity at their own stamps.
-    propagated : list of PropagatedAzimuth
-        Propagated azimuths at each bin event of the last block.
-    """
+    """Attitude of one tool, block by block; the result does not depend on how the samples are cut into blocks."""
 
     def __init__(
         self,
-        alignment: time_alignment_state.TimeAlignmentParams,
-        interference: interference_state.InterferenceParams,
-        azimuth: gyro_azimuth_state.GyroAzimuthParams,
+        alignment: time_alignment.TimeAlignmentParams,
+        interference: interference_filter.InterferenceParams,
+        azimuth: gyro_azimuth_filter.GyroAzimuthParams,
         errors: SensorErrors,
         latitude_deg: float | None,
     ) -> None:
@@ -80,8 +64,10 @@ class AttitudeStream:
         self._alignment_state = initial_alignment()
         self._rejected_state = rejected_samples.initial()
         self._mag = MagBlock(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+        #: Dtype `time_alignment.PAIR`; magnetic samples selected in the last block, one per interval, with gravity at
+        #: their own stamps.
         self.handed_on = np.zeros(0, dtype=PAIR)
-        self.propagated: list[PropagatedAzimuth] = []
+        self.propagated: list[PropagatedAzimuth] = []  #: propagated azimuths at each bin event of the last block
         self.set_reference(None)
 
     def set_reference(self, reference: Reference | None) -> None:

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.attitude.block import MagneticModelInForce, StationUpdate
-from mwd_estimation.attitude.gyro_azimuth_state import MAGNETIC_AZIMUTH
+from mwd_estimation.attitude.gyro_azimuth_filter import MAGNETIC_AZIMUTH
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
-from mwd_estimation.magnetic import interference_filter, interference_state
-from mwd_estimation.magnetic.interference_state import FieldSamples
+from mwd_estimation.magnetic import interference_filter
+from mwd_estimation.magnetic.interference_filter import FieldSamples
 from mwd_sensors.core.arrays import Samples
 
 _DISTURBED, _CORRECTED, _UNCORRECTED = int(Status.MAG_DISTURBED), int(Status.CORRECTED), int(Status.UNCORRECTED)
@@ -46,25 +46,19 @@ _EXTERNAL, _EXTERNAL_NS = 300e-9, 60_000_000_000
 
 
 class MagneticAzimuths:
-    """
-    Magnetic azimuths with their sigmas, and the interference filter that computes them.
+    """Magnetic azimuths with their sigmas, and the interference filter that computes them."""
 
-    Attributes
-    ----------
-    innovation : Innovation
-        Innovation of the field against the reference, since the reference was set.
-    withdrawn : bool
-        Set to True to withdraw the earlier azimuths; the next one then restarts the propagated azimuth.
-    """
-
-    def __init__(self, params: interference_state.InterferenceParams, errors: SensorErrors) -> None:
+    def __init__(self, params: interference_filter.InterferenceParams, errors: SensorErrors) -> None:
         self._params, self._errors = params, errors
-        self.withdrawn = self._new_start = False
+        #: Set to True to withdraw the earlier azimuths; the next one then restarts the propagated azimuth.
+        self.withdrawn = False
+        self._new_start = False
         self.set_reference(None)
 
     def set_reference(self, reference: Reference | None) -> None:
         """Use this reference field from the next sample on; restart the estimate of the interference."""
         self._reference = reference
+        #: Innovation of the field against the reference, since the reference was set.
         self.innovation = Innovation("magnetic_field", gate=math.sqrt(self._params.gate))
         self._state: Samples | None = None
         if reference is not None and reference.has_field:
@@ -116,7 +110,7 @@ class MagneticAzimuths:
         """
         Return the azimuths of the pairs of a stretch of samples that begins at index `start` of its block.
 
-        The interference filter is updated with the pairs. pairs is an array of dtype `time_alignment_state.PAIR` with
+        The interference filter is updated with the pairs. pairs is an array of dtype `time_alignment.PAIR` with
         at least one element. Returns dtype MAGNETIC_AZIMUTH.
         """
         rows = np.zeros(len(pairs), dtype=MAGNETIC_AZIMUTH)

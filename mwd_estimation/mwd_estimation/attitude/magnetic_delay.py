@@ -62,14 +62,7 @@ def in_words(late_ns: int) -> str:
 
 
 class MagneticDelay:
-    """
-    Estimator of the delay from gravity and field in tool axes; the delay does not depend on how the streams are cut.
-
-    Attributes
-    ----------
-    delay_s, sigma_s : float
-        Delay that remains in the corrected stamps, and 1 sigma.
-    """
+    """Estimator of the delay from gravity and field in tool axes; it does not depend on how the streams are cut."""
 
     def __init__(self) -> None:
         self.begin_anew()
@@ -82,7 +75,7 @@ class MagneticDelay:
         self._angle, self._begun = 0.0, False
         self._field = np.full(2, np.nan)
         self._P = np.diag([math.pi**2, _PRIOR_S**2])
-        self.delay_s = 0.0
+        self.delay_s = 0.0  #: delay that remains in the corrected stamps, s
         self._imu: list[tuple[Stamps, Array]] = []
 
     @property

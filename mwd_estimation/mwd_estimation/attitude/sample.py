@@ -43,7 +43,7 @@ class Sample:
     #: unknown.
     turned: float
     #: `turn`, `gyro_turn`: rotation about the tool axis since the start, from `time_alignment`, and azimuth rotation of
-    #: the tool axis, from `azimuth_rate`, rad.
+    #: the tool axis, from `gyro_azimuth`, rad.
     turn: float
     gyro_turn: float
 

@@ -48,20 +48,12 @@ class CalibratedRange:
 
 
 class TemperatureWatch:
-    """
-    Record of the temperatures of the tool, and of those outside the range of the calibration.
-
-    Attributes
-    ----------
-    last : float or None
-        The last temperature, degC; None before the first.
-    outside : (float, float) or None
-        Lowest and highest temperature outside the range so far, degC; None if there was none.
-    """
+    """Record of the temperatures of the tool, and of those outside the range of the calibration."""
 
     def __init__(self, calibrated: CalibratedRange) -> None:
         self._range = calibrated
-        self.last: float | None = None
+        self.last: float | None = None  #: the last temperature, degC; None before the first
+        #: Lowest and highest temperature outside the range so far, degC; None if there was none.
         self.outside: tuple[float, float] | None = None
 
     def take(self, celsius: Array) -> None:

@@ -68,15 +68,10 @@ class RepeatedSamples:
     ----------
     hold : bool
         Hold samples back after the first repeated reading, until it is known whether all readings repeat.
-
-    Attributes
-    ----------
-    count : int
-        Number of samples removed so far.
     """
 
     def __init__(self, *, hold: bool = False) -> None:
-        self.count = 0
+        self.count = 0  #: number of samples removed so far
         self._state = np.zeros(1, dtype=STATE)
         self._state["verdict"] = _UNKNOWN if hold else _BY_CHANCE
         self._held: tuple[Stamps, Samples, NDArray[np.int64]] | None = None

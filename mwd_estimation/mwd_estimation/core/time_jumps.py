@@ -138,23 +138,16 @@ class _Beside:
 
 
 class Clocks:
-    """
-    Clocks of the leading stream and of all other streams.
-
-    Attributes
-    ----------
-    dropped : int
-        Number of samples of other streams that were dropped because their stamps do not belong to the leader's time.
-    went_back : list of (int, int)
-        For each jump back, the leader's latest stamp before the jump and its first stamp after the jump, ns.
-    """
+    """Clocks of the leading stream and of all other streams."""
 
     def __init__(self) -> None:
         self._lead = _Pace()
         self._pending: list[Samples] = []
         self._others: dict[str, _Beside] = {}
         self._behind: set[str] = set()
+        #: Number of samples of other streams that were dropped because their stamps do not belong to the leader's time.
         self.dropped = 0
+        #: For each jump back, the leader's latest stamp before the jump and its first stamp after the jump, ns.
         self.went_back: list[tuple[int, int]] = []
 
     def lead(self, samples: Samples) -> list[tuple[Samples, Samples | None]]:

@@ -22,20 +22,15 @@ class Commands:
     ----------
     tool : ToolConfiguration
         Configuration as delivered; if it has no downlink, the tool accepts no commands.
-
-    Attributes
-    ----------
-    settings : ToolSettings
-        Settings after the commands received so far.
-    echo : int
-        Code of the last command, which the tool transmits as confirmation; 0 before the first command.
     """
 
     def __init__(self, tool: ToolConfiguration) -> None:
         self._tool, self._downlink = tool, tool.downlink
         self._decoder = None if tool.downlink is None else DownlinkDecoder(tool.downlink)
         self._received: deque[ReceivedCommand] = deque()
-        self.settings, self.echo = tool_commands.ToolSettings(), 0
+        self.settings = tool_commands.ToolSettings()  #: settings after the commands received so far
+        #: Code of the last command, which the tool transmits as confirmation; 0 before the first command.
+        self.echo = 0
 
     def listen(self, medium: str, stamps: Stamps, signal: Array) -> None:
         """

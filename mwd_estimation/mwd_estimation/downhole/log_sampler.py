@@ -71,21 +71,15 @@ class LogSampler:
     Parameters
     ----------
     channels : mapping of str to LogChannel
-
-    Attributes
-    ----------
-    running : list of (int, dict of str to LogSample)
-        Running means for telemetry words: the time from which the means are known, ns, and the mean over the last
-        interval of each channel, by name. The caller must remove the entries that it has used.
-    late : int
-        Number of samples that arrived too late and are not used.
     """
 
     def __init__(self, channels: Mapping[str, LogChannel]) -> None:
         self._channels = dict(channels)
         self._streams = {SOURCES[channel.source].stream for channel in channels.values()} | {"attitude"}
+        #: Running means for telemetry words: the time from which the means are known, ns, and the mean over the last
+        #: interval of each channel, by name. The caller must remove the entries that it has used.
         self.running: list[tuple[int, dict[str, LogSample]]] = []
-        self.late = 0
+        self.late = 0  #: number of samples that arrived too late and are not used
         self._waiting: dict[str, list[Samples]] = {name: [] for name in self._streams}
         self._begin_anew()
 

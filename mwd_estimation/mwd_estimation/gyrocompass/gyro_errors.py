@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mwd_estimation.gyrocompass.azimuth_posterior import Mixture, along
-from mwd_estimation.gyrocompass.seek_params import G_SCALES, LEAST_BIAS, SeekParams, kernel_params
+from mwd_estimation.gyrocompass.seek_state import G_SCALES, LEAST_BIAS, SeekParams, kernel_params
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import wrap_pi

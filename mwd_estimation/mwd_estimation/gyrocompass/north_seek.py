@@ -26,11 +26,19 @@ from mwd_estimation.core.reference_field import LOCAL_GRAVITY
 from mwd_estimation.gyrocompass import azimuth_posterior, gyro_errors
 from mwd_estimation.gyrocompass.azimuth_posterior import OnCircle
 from mwd_estimation.gyrocompass.gyro_errors import GyroErrors
-from mwd_estimation.gyrocompass.seek_filter import advance
-from mwd_estimation.gyrocompass.seek_measurement import frame
-from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
+from mwd_estimation.gyrocompass.seek_filter import advance, frame
 from mwd_estimation.gyrocompass.seek_refusal import WORST_SIGMA, Fit, motion, polar, refusal
-from mwd_estimation.gyrocompass.seek_state import STATE, WORK, Error, KernelParams, SeekPhase, SeekState, estimate
+from mwd_estimation.gyrocompass.seek_state import (
+    STATE,
+    WORK,
+    Error,
+    KernelParams,
+    SeekParams,
+    SeekPhase,
+    SeekState,
+    estimate,
+    kernel_params,
+)
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array

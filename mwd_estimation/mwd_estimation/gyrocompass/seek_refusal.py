@@ -8,8 +8,7 @@ import math
 
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.gyrocompass.seek_params import SeekParams
-from mwd_estimation.gyrocompass.seek_state import SeekState
+from mwd_estimation.gyrocompass.seek_state import SeekParams, SeekState
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR
 

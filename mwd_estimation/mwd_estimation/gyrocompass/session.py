@@ -18,7 +18,7 @@ from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import north_seek
 from mwd_estimation.gyrocompass.seek_filter import LEVEL_S
-from mwd_estimation.gyrocompass.seek_params import SeekParams, white_noise, with_noise
+from mwd_estimation.gyrocompass.seek_state import SeekParams, white_noise, with_noise
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 

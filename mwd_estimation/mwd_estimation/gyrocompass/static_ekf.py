@@ -5,7 +5,7 @@ S1: true north from the Earth's rotation by a 15-state error-state Kalman filter
 The states are position, velocity, attitude, gyro bias and accelerometer bias. Strapdown mechanisation in
 north-east-down uses the Earth rate of a known latitude. The only measurement is z = [I6 0] x: position and velocity are
 zero (S1 section 2.2). A coarse alignment from the mean rate and force starts the filter. The figures of the unit are
-those of `seek_params`. Derivation, observability and limits: ``docs/methods/gyrocompass.md``. The method
+those of `SeekParams`. Derivation, observability and limits: ``docs/methods/gyrocompass.md``. The method
 `mwd_estimation.gyrocompass.north_seek` gives better results from the same data.
 """
 
@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_estimation.core import track
-from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
-from mwd_estimation.gyrocompass.seek_state import KernelParams
+from mwd_estimation.gyrocompass.seek_state import KernelParams, SeekParams, kernel_params
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.frames import hole_angles, wrap_tau

@@ -22,9 +22,8 @@ from mwd_estimation.core.time_bins import Bin
 from mwd_estimation.gyrocompass import gyro_errors, north_seek, static_ekf
 from mwd_estimation.gyrocompass.gyro_errors import GyroErrors
 from mwd_estimation.gyrocompass.seek_filter import GAP_NS
-from mwd_estimation.gyrocompass.seek_params import S1, SeekParams, white_noise, with_noise
 from mwd_estimation.gyrocompass.seek_refusal import WORST_SIGMA, gyro_clipped, polar, too_short, vertical_hole
-from mwd_estimation.gyrocompass.seek_state import SeekState
+from mwd_estimation.gyrocompass.seek_state import S1, SeekParams, SeekState, white_noise, with_noise
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE

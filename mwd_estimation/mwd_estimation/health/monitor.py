@@ -23,14 +23,12 @@ from mwd_estimation.core import input_gate
 from mwd_estimation.core.sensor_fault import GYRO, FaultCode, SensorFault
 from mwd_estimation.core.time_jumps import BACK_NS
 from mwd_estimation.core.track import AT_RANGE, sample_arrays
-from mwd_estimation.health import fault_debounce, motion_window, replayed_samples, rest_check, signal_checks
-from mwd_estimation.health.carried_vectors import Window
+from mwd_estimation.health import fault_debounce, motion_window, rest_check, signal_checks, stream_checks
 from mwd_estimation.health.fault_debounce import FAULT, OK, UNKNOWN, weigh
 from mwd_estimation.health.motion_window import PARTS, Consistency, ExpectedField, Samples
-from mwd_estimation.health.replayed_samples import judge_replay
 from mwd_estimation.health.signal_checks import BIN_NS, SignalLimits
-from mwd_estimation.health.stream_checks import STREAM, judge_silence, judge_stamp, judge_stream
-from mwd_estimation.health.window_checks import BROKEN, CLIPPED, WindowJudge, WindowLimits
+from mwd_estimation.health.stream_checks import STREAM, judge_replay, judge_silence, judge_stamp, judge_stream
+from mwd_estimation.health.window_checks import BROKEN, CLIPPED, Window, WindowJudge, WindowLimits
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
@@ -69,7 +67,7 @@ class Tables(NamedTuple):
     Arrays that the kernels change.
 
     checks: see `fault_debounce`; channels: see `signal_checks`; stream: dtype STREAM, shape (1,); steps: steps of the
-    window, see `motion_window`; kept: hashes of old samples, see `replayed_samples`; refused: refused readings of the
+    window, see `motion_window`; kept: hashes of old samples, see `stream_checks`; refused: refused readings of the
     waiting samples and later ones, dtype of `input_gate.REFUSED`.
     """
 
@@ -116,7 +114,7 @@ def initial(gravity: float | None = None, total: float | None = None, dip: float
         signal_checks.blank(),
         np.zeros(1, dtype=STREAM),
         np.zeros(motion_window.ROWS, dtype=motion_window.STEP),
-        replayed_samples.blank(),
+        stream_checks.blank_hashes(),
         np.zeros(0, dtype=input_gate.REFUSED),
     )
     empty = np.zeros(0, dtype=np.int64)

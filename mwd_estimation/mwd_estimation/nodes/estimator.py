@@ -40,8 +40,7 @@ from mwd_estimation.gravity.bounded import sample_meaning
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.action_servers import FEEDBACK_PERIOD, EstimatorActions
 from mwd_estimation.nodes.inputs import InputTopics
-from mwd_estimation.nodes.log_publisher import LogPublisher, Running
-from mwd_estimation.nodes.transmission import TransmissionPublisher
+from mwd_estimation.nodes.transmission import LogPublisher, Running, TransmissionPublisher
 from mwd_estimation.nodes.warm_up import warm_up
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
@@ -327,7 +326,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         if self._inputs.silent("imu/data_raw"):
             raise ValueError("no survey taken: no samples arrive from the sonde")
         try:
-            self._pipeline.request_survey(request.duration)
+            self._pipeline.still.request(request.duration)
         except ValueError as error:
             raise ValueError(f"no survey taken: {error}") from error
         self._survey_response = DeferredResponse()

@@ -49,23 +49,12 @@ _BURST_TOPIC = {single: name for name, single in burst.TOPICS.items()}
 
 
 class InputTopics:
-    """
-    Buffered subscriptions to the sonde's topics.
-
-    Attributes
-    ----------
-    frames : dict
-        Frame id of each topic; messages in another frame are not used.
-    unreadable : int
-        Number of messages that could not be decoded.
-    at_rest : bool
-        Whether the tool is at rest; the caller sets it from the last attitude.
-    """
+    """Buffered subscriptions to the sonde's topics."""
 
     def __init__(self, node: GraphNode[Any]) -> None:
-        self.frames: dict[str, str] = {}
-        self.unreadable = 0
-        self.at_rest = False
+        self.frames: dict[str, str] = {}  #: frame id of each topic; messages in another frame are not used
+        self.unreadable = 0  #: number of messages that could not be decoded
+        self.at_rest = False  #: whether the tool is at rest; the caller sets it from the last attitude
         self._node = node
         self._received_at: dict[str, float] = {}
         # Monotonic time, s, of the last message of each topic in the frame of the topic; and frame and time of the last

@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The transmission of the tool as a ROS topic: flow in, `tool/transmission` out, with each block of estimates."""
+"""What the tool sends and logs, with each block of estimates: `tool/transmission` from the flow, and `log`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from mwd_msgs.msg import ToolFlow
+from mwd_msgs.msg import DetectorCounts, ToolFlow, ToolStatus
+from mwd_msgs.msg import LogSample as LogMessage
 from mwd_msgs.msg import Transmission as TransmissionMessage
 
+from mwd_estimation.downhole.log_sampler import LogSampler
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.downhole.transmitter import Sent, Transmitter
-from mwd_estimation.nodes.log_publisher import Running
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_sensors.core import wire
@@ -21,9 +22,10 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.messages import make
 from mwd_sensors.ros.time_stamps import header, stamp
 from mwd_sensors.telemetry import log_channels, tool_configuration
-from mwd_sensors.telemetry.log_channels import LogChannel
+from mwd_sensors.telemetry.log_channels import LogChannel, LogSample
 
 # Largest delay of the flow behind the estimates, s; with a larger delay the flow counts as stopped.
 _LATE_S = 5.0
@@ -127,3 +129,44 @@ def transmission_message(sent: Sent, frame: str) -> TransmissionMessage:
     if sent.reading is not None:
         message.measured = stamp(sent.reading.stamp_ns)
     return message
+
+
+Running = list[tuple[int, dict[str, LogSample]]]
+
+
+class LogPublisher:
+    """Publisher of the log channels, which a sampler computes from inputs and results of the estimator."""
+
+    def __init__(self, node: GraphNode[Any], channels: Mapping[str, LogChannel]) -> None:
+        self._sampler = LogSampler(channels)
+        self._frame = ""
+        self._counts = node.add_buffered_subscription(DetectorCounts, wire.GAMMA_TOPIC, qos.buffered(qos.STREAM))
+        self._status = node.add_buffered_subscription(ToolStatus, wire.STATUS_TOPIC, qos.buffered(qos.STREAM))
+        self._publisher = node.add_publisher(LogMessage, "log", qos.EVENT)
+
+    def push_temperature(self, samples: Samples) -> None:
+        """Add samples of `wire.TEMPERATURE` that the input gate has accepted."""
+        self._sampler.push("temperature", samples)
+
+    def take(self, output: Output, frame: str) -> Running:
+        """Publish the log samples that a block of results completes; return the running means for telemetry words."""
+        self._frame = frame
+        for stream, layout, buffer in (
+            ("counts", wire.COUNTS, self._counts),
+            ("status", wire.TOOL_STATUS, self._status),
+        ):
+            self._sampler.push(stream, wire.decode_messages(layout, [message.data for message in buffer.take()])[0])
+        self._sampler.push("dynamics", output.dynamics)
+        self._publish(self._sampler.advance(output.attitude))
+        running, self._sampler.running = self._sampler.running, []
+        return running
+
+    def finish(self) -> None:
+        """Publish the last, incomplete interval of each channel."""
+        self._publish(self._sampler.finish())
+
+    def _publish(self, samples: Iterable[LogSample]) -> None:
+        for sample in samples:
+            message = sample.to_message(make)
+            message.header.frame_id = self._frame
+            self._publisher.publish(message)

@@ -7,8 +7,8 @@ import numpy as np
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.repeated_samples import RepeatedSamples
-from mwd_estimation.gyrocompass import north_seek, seek_measurement
-from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass import north_seek, seek_filter
+from mwd_estimation.gyrocompass.seek_state import SeekParams
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.survey_settings import SHORTEST_S
@@ -43,7 +43,7 @@ def warm_up(settings: EstimatorSettings) -> None:
     pipeline.finish()
     forces, rates = imu["linear_acceleration"], imu["angular_velocity"]
     north_seek.run(SeekParams(), north_seek.initial(), imu["stamp_ns"], rates, forces)
-    seek_measurement.frame(forces[-1])  # compile a function that only the solution of a rotating tool calls
+    seek_filter.frame(forces[-1])  # compile a function that only the solution of a rotating tool calls
 
 
 def _samples() -> tuple[Samples, Samples, Samples]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mwd_estimation.attitude import drilling_dynamics, toolface_dwell
 from mwd_estimation.attitude.block import Block
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
-from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, PropagatedAzimuth
+from mwd_estimation.attitude.gyro_azimuth_filter import PrecisionRates, PropagatedAzimuth
 from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
 from mwd_estimation.attitude.sample import samples_of
 from mwd_estimation.core import clip_flags, input_gate
@@ -29,9 +29,8 @@ from mwd_estimation.core.rate_jumps import RateJumps
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG
-from mwd_estimation.core.stamp_jitter import StampJitter
 from mwd_estimation.core.status import Status
-from mwd_estimation.core.stream_clock import StreamClock
+from mwd_estimation.core.stream_clock import StampJitter, StreamClock
 from mwd_estimation.core.time_jumps import MOST_AHEAD, advances
 from mwd_estimation.core.track import Track, sample_arrays
 from mwd_estimation.gravity import methods as gravity

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mwd_estimation.attitude import time_alignment_state
+from mwd_estimation.attitude import time_alignment
 from mwd_estimation.core.calibrated_range import TemperatureWatch
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.input_gate import InputGate
@@ -61,16 +61,6 @@ class Pipeline:
     ------
     ValueError
         If the settings do not allow an estimate: a file cannot be read, or the place has no field.
-
-    Attributes
-    ----------
-    noise_notes : list of str
-        A sentence for each vector whose stated noise is larger than that of the tool's settings and is therefore used.
-    gate : InputGate
-        The gate that all samples pass. Samples may pass the gate before they are pushed: passing the gate twice changes
-        nothing.
-    temperature : TemperatureWatch
-        Temperatures outside the range of the calibration, at which the sigmas are increased.
     """
 
     def __init__(
@@ -83,12 +73,17 @@ class Pipeline:
         derivation.check(settings)
         self.settings = settings
         self.mount = mount or resolve(settings.tool.mount)
+        #: The gate that all samples pass. Samples may pass the gate before they are pushed: passing the gate twice
+        #: changes nothing.
         self.gate = InputGate(derivation.input_ranges(settings))
         self.counters = SampleCounters()
         self._numbering = Numbering()
-        self._given = reference
+        self.given_reference = reference  #: the reference that replaces the reference of the settings, if any
+        #: `noise_notes`: a sentence for each vector whose stated noise is larger than that of the tool's settings and
+        #: is therefore used.
         self._with_noise, self.noise_notes = with_noise(settings, noise or {})
         self._onset = NoiseOnset(noise or {}, round(settings.tool.magnetometer.delay_s * 1e9))
+        #: Temperatures outside the range of the calibration, at which the sigmas are increased.
         self.temperature = TemperatureWatch(derivation.calibrated_range(settings.tool))
         self.reset()
 
@@ -107,7 +102,8 @@ class Pipeline:
 
     def _new_estimate(self, mag_late_ns: int) -> None:
         mat_tu = self.mount.imu
-        self._estimate = Estimate(self._with_noise, self._given, self.counters, self._numbering, mat_tu, mag_late_ns)
+        given = self.given_reference
+        self._estimate = Estimate(self._with_noise, given, self.counters, self._numbering, mat_tu, mag_late_ns)
         self._estimate.watch.expect_mag(expected="mag" not in self.mount.unusable)
 
     def push_mag(self, samples: Samples) -> None:
@@ -252,33 +248,17 @@ class Pipeline:
 
     def set_reference(self, reference: Reference) -> None:
         """Use this reference for all checks and corrections from now on; restart the estimate of the interference."""
-        self._given = reference
+        self.given_reference = reference
         self._estimate.set_reference(reference)
-
-    def request_survey(self, duration_s: float = 0.0) -> None:
-        """
-        Take a survey from the next half second on; arguments and errors as in `StillSurvey.request`.
-
-        The result is in `Output.surveys`, or in `Output.refusals`.
-        """
-        self.still.request(duration_s)
-
-    def request_north(self, duration_s: float = 0.0, mode: str = "") -> None:
-        """
-        Seek north from now on; arguments and errors as in `Requests.start_north`.
-
-        The result is in `Output.north`.
-        """
-        self.requests.start_north(duration_s, mode)
 
     @property
     def requests(self) -> Requests:
-        """The requested north seek and rotary survey, with their progress."""
+        """The requested north seek and rotary survey, with their progress; results are in `Output`."""
         return self._estimate.bin_stage.requests
 
     @property
     def still(self) -> StillSurvey:
-        """The current survey at rest, with its progress and the condition for which it waits."""
+        """The current survey at rest, its progress and the condition for which it waits; results are in `Output`."""
         return self._estimate.bin_stage.still
 
     @property
@@ -289,11 +269,6 @@ class Pipeline:
     def continue_numbering(self, last: int) -> None:
         """Number the next survey after `last`, the last number of an earlier process; numbers never go back."""
         self._numbering.last = max(self._numbering.last, last)
-
-    @property
-    def given_reference(self) -> Reference | None:
-        """The reference that replaces the reference of the settings; None if the settings are used."""
-        return self._given
 
     @property
     def reference(self) -> Reference | None:
@@ -491,7 +466,7 @@ def with_noise(settings: EstimatorSettings, stated: Mapping[str, StatedNoise]) -
     accel_bias = tool.accelerometer.bias_ug
     taken = "more than the settings of the tool; the sigmas are widened accordingly"
     # Averaging time of the continuous attitude, s, which is shorter than the averaging time of a station.
-    seconds = max(2.0 * time_alignment_state.TimeAlignmentParams().smoothing_s, accel.period_s, mag.period_s)
+    seconds = max(2.0 * time_alignment.TimeAlignmentParams().smoothing_s, accel.period_s, mag.period_s)
     density = math.degrees(gyro.density) * 60.0
     if density > _LARGER * gyro_noise:
         gyro_noise = density

@@ -33,7 +33,7 @@ class Requests:
         # Rates of the conventional unit since the north seek was requested.
         self._rates = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
 
-    def start_north(self, duration_s: float, mode: str) -> None:
+    def start_north(self, duration_s: float = 0.0, mode: str = "") -> None:
         """
         Start a north seek.
 
@@ -116,7 +116,7 @@ class Requests:
         """
         Pass a block to the rotary survey.
 
-        samples: dtype `attitude.sample.SAMPLE`; pairs: dtype `attitude.time_alignment_state.PAIR`. When the survey
+        samples: dtype `attitude.sample.SAMPLE`; pairs: dtype `attitude.time_alignment.PAIR`. When the survey
         ends, return its average or refusal, and the rotary speed, rad/s; otherwise None.
         """
         if self._rotary is None:

@@ -16,17 +16,17 @@ from typing import Any
 
 from mwd_estimation.assembly.assembly import SIGMA_CORRECTED_DEG, Assembly, read_assembly
 from mwd_estimation.assembly.sag import SagCorrection, correction_of
-from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_state, time_alignment_state, toolface_dwell
+from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_filter, time_alignment, toolface_dwell
 from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.input_gate import Ranges
 from mwd_estimation.core.reference_field import LOCAL_GRAVITY, Reference
 from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.methods import method
-from mwd_estimation.gyrocompass.seek_params import TACTICAL, TACTICAL_NOISE_DEG_RTH, SeekParams
+from mwd_estimation.gyrocompass.seek_state import TACTICAL, TACTICAL_NOISE_DEG_RTH, SeekParams
 from mwd_estimation.gyrocompass.session import SessionParams
 from mwd_estimation.health import monitor
-from mwd_estimation.magnetic import interference_state
+from mwd_estimation.magnetic import interference_filter
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import day_of, reference_of
 from mwd_estimation.settings.tool import Gyro, Tool
@@ -184,10 +184,10 @@ def precision_gyro_bias(settings: EstimatorSettings) -> float:
     return math.radians(settings.tool.precision.gyro.bias_deg_h) / 3600.0
 
 
-def time_alignment_params(settings: EstimatorSettings) -> time_alignment_state.TimeAlignmentParams:
+def time_alignment_params(settings: EstimatorSettings) -> time_alignment.TimeAlignmentParams:
     """Return the parameters for pairing magnetic samples with gravity."""
     attitude, tool = settings.attitude, settings.tool
-    return time_alignment_state.TimeAlignmentParams(
+    return time_alignment.TimeAlignmentParams(
         mag_lag_ns=round(tool.magnetometer.delay_s * 1e9),
         vertical_enter=math.radians(attitude.vertical_deg),
         vertical_leave=math.radians(attitude.vertical_deg + 1.0),
@@ -195,17 +195,17 @@ def time_alignment_params(settings: EstimatorSettings) -> time_alignment_state.T
     )
 
 
-def interference_params(settings: EstimatorSettings) -> interference_state.InterferenceParams:
+def interference_params(settings: EstimatorSettings) -> interference_filter.InterferenceParams:
     """Return the parameters of the filter that estimates the field of the drill string."""
-    tool, usual = settings.tool, interference_state.InterferenceParams()
+    tool, usual = settings.tool, interference_filter.InterferenceParams()
     # The prior of the axial interference scales with the expected field, and is at least the bias of the magnetometer.
     axial = usual.axial * (_string_nt(tool)[0] / _string_nt(Tool())[0])
-    return interference_state.InterferenceParams(axial=max(axial, tool.magnetometer.bias_nt * 1e-9))
+    return interference_filter.InterferenceParams(axial=max(axial, tool.magnetometer.bias_nt * 1e-9))
 
 
-def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.GyroAzimuthParams:
+def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_filter.GyroAzimuthParams:
     """Return the parameters of the gyro-propagated azimuth; those without a setting keep the filter's default."""
-    tool, usual = settings.tool, gyro_azimuth_state.GyroAzimuthParams()
+    tool, usual = settings.tool, gyro_azimuth_filter.GyroAzimuthParams()
     precision = tool.precision.gyro
     walk = _WALK_DEG_H_RTH * tool.gyro.bias_deg_h / Gyro().bias_deg_h
     figures = (
@@ -213,7 +213,7 @@ def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.GyroA
         (precision, precision.noise_deg_sqrt_h or TACTICAL_NOISE_DEG_RTH, precision.walk_deg_h_sqrt_h),
     )
     conventional, fine = (
-        gyro_azimuth_state.gyro_unit(noise, gyro.bias_deg_h, walk, gyro.misalignment_mrad * 1e3, gyro.g_deg_h_g)
+        gyro_azimuth_filter.gyro_unit(noise, gyro.bias_deg_h, walk, gyro.misalignment_mrad * 1e3, gyro.g_deg_h_g)
         for gyro, noise, walk in figures
     )
     return usual._replace(

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mwd_estimation.attitude.block import StationAzimuth
-from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
+from mwd_estimation.attitude.gyro_azimuth_filter import PropagatedAzimuth
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.core.verdicts import ACCEPT

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from mwd_estimation.attitude.block import MagneticModelInForce, StationUpdate
-from mwd_estimation.attitude.time_alignment_state import FieldModel
+from mwd_estimation.attitude.time_alignment import FieldModel
 from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction
 from mwd_estimation.core.verdicts import ACCEPT, NOT_DETERMINED

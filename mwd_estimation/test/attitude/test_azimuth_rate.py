@@ -6,8 +6,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mwd_estimation.attitude import azimuth_rate
-from mwd_estimation.attitude.gyro_azimuth_state import BIN_SUMS, GyroAzimuthParams, PrecisionRates, at_latitude, initial
+from mwd_estimation.attitude import gyro_azimuth
+from mwd_estimation.attitude.gyro_azimuth_filter import (
+    BIN_SUMS,
+    GyroAzimuthParams,
+    PrecisionRates,
+    at_latitude,
+    initial,
+)
 from mwd_sensors.core.arrays import Samples
 
 PARAMS = at_latitude(GyroAzimuthParams(), 60.0)._replace(precision_range=1.0, vertical_sin2=1e-3)
@@ -27,7 +33,7 @@ def precision_of(stamps: np.ndarray, rates: np.ndarray, seconds: float = 0.5):
     state = ring([int(t) for t in np.arange(1, 51) * 10_000_000], (0.6, 0.8, 0.0), [0.0] * 50)
     sums = np.zeros(1, dtype=BIN_SUMS)
     sums["time"] = seconds
-    usable, after = azimuth_rate.precision_sums(PARAMS, state[0], sums[0], PrecisionRates(stamps, rates), 0)
+    usable, after = gyro_azimuth.precision_sums(PARAMS, state[0], sums[0], PrecisionRates(stamps, rates), 0)
     return usable, after, state[0].precision_sums
 
 
@@ -61,5 +67,5 @@ def test_a_bin_with_a_clipped_or_missing_stretch_is_left_to_the_other_unit(spoil
 
 def test_the_turn_at_a_time_lies_between_its_neighbours_and_the_ends_hold() -> None:
     s = ring([10, 20, 30], (0.0, 1.0, 0.0), [1.0, 2.0, 4.0])[0]
-    found = [azimuth_rate.gyro_turn_at(s, at) for at in (5, 10, 15, 25, 30, 40)]
+    found = [gyro_azimuth.gyro_turn_at(s, at) for at in (5, 10, 15, 25, 30, 40)]
     assert found == [1.0, 1.0, 1.5, 3.0, 4.0, 4.0]

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from bench_errors import BENCH
 
-from mwd_estimation.attitude import gyro_azimuth_state, time_alignment_state
+from mwd_estimation.attitude import gyro_azimuth_filter, time_alignment
 from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce, StationUpdate
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
-from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, gyro_unit
+from mwd_estimation.attitude.gyro_azimuth_filter import PrecisionRates, gyro_unit
 from mwd_estimation.attitude.sample import samples_of
-from mwd_estimation.attitude.time_alignment_state import FieldModel
+from mwd_estimation.attitude.time_alignment import FieldModel
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
-from mwd_estimation.magnetic import interference_filter, interference_state
+from mwd_estimation.magnetic import interference_filter
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
@@ -30,9 +30,9 @@ NO_PRECISION = PrecisionRates(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
 
 def stream(reference=REFERENCE, **carry):
     made = AttitudeStream(
-        time_alignment_state.TimeAlignmentParams(),
-        interference_state.InterferenceParams(),
-        gyro_azimuth_state.GyroAzimuthParams(**carry),
+        time_alignment.TimeAlignmentParams(),
+        interference_filter.InterferenceParams(),
+        gyro_azimuth_filter.GyroAzimuthParams(**carry),
         BENCH,
         50.0,
     )
@@ -115,7 +115,7 @@ def test_a_gyro_azimuth_there_teaches_both_azimuth_and_axial_field():
 
 def test_what_many_stations_found_is_gone_on_from():
     block, b_t = samples(1000, math.pi / 2, azimuth=math.pi / 2, own=(2e-6, 0.0, 0.0))
-    state = interference_filter.initial(interference_state.InterferenceParams(), REFERENCE, BENCH)
+    state = interference_filter.initial(interference_filter.InterferenceParams(), REFERENCE, BENCH)
     state[0].x[0], state[0].P[0, 0] = 2e-6, (5e-8) ** 2
     update = StationUpdate((state[0].x, state[0].P), block.samples["down"][0], b_t[0])
     attitude, _, interference, _ = follow(stream(), block, b_t, [(500, update)])

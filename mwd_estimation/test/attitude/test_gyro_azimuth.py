@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from consistency import assert_consistent
 from mwd_estimation.attitude import gyro_azimuth
 from mwd_estimation.attitude.block import NO_STATION, StationAzimuth
-from mwd_estimation.attitude.gyro_azimuth_state import (
+from mwd_estimation.attitude.gyro_azimuth_filter import (
     BIN_EVENT,
     MAGNETIC_AZIMUTH,
     Error,

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from mwd_estimation.attitude import gyro_azimuth_filter
 from mwd_estimation.attitude.block import StationAzimuth
-from mwd_estimation.attitude.gyro_azimuth_state import (
+from mwd_estimation.attitude.gyro_azimuth_filter import (
     BIN_SUMS,
     MAGNETIC_AZIMUTH,
     STATES,

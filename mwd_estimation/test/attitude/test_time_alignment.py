@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from mwd_estimation.attitude import time_alignment
 from mwd_estimation.attitude.sample import SAMPLE
-from mwd_estimation.attitude.time_alignment import TimeAlignmentParams
-from mwd_estimation.attitude.time_alignment_state import FieldModel, MagBlock, initial
+from mwd_estimation.attitude.time_alignment import FieldModel, MagBlock, TimeAlignmentParams, initial
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.frames import TAU, gravity_toolface, magnetic_toolface, mat_nt, wrap_pi
 

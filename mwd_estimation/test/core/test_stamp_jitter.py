@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_estimation.core.stamp_jitter import StampJitter
+from mwd_estimation.core.stream_clock import StampJitter
 
 START = 1_700_000_000 * 10**9
 

@@ -15,7 +15,7 @@ from scipy.stats import multivariate_normal
 from mwd_estimation.gyrocompass import gyro_errors
 from mwd_estimation.gyrocompass.azimuth_posterior import posterior
 from mwd_estimation.gyrocompass.gyro_errors import GyroErrors, Sought
-from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
+from mwd_estimation.gyrocompass.seek_state import SeekParams, kernel_params
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, EARTH_RATE
 from mwd_sensors.core.frames import wrap_pi

@@ -14,7 +14,7 @@ from mwd_estimation.core import clip_flags
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.gyrocompass import north_seek
-from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass.seek_state import SeekParams
 from mwd_estimation.gyrocompass.station import NorthSeek, StaticSeek
 from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import wrap_pi

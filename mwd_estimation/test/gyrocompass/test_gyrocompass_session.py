@@ -13,7 +13,7 @@ from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.gyrocompass import north_seek
-from mwd_estimation.gyrocompass.seek_params import TACTICAL
+from mwd_estimation.gyrocompass.seek_state import TACTICAL
 from mwd_estimation.gyrocompass.session import NorthSession, SessionParams
 from mwd_sensors.core.frames import wrap_pi
 

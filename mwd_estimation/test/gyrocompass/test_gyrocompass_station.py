@@ -12,7 +12,7 @@ from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Binner
-from mwd_estimation.gyrocompass.seek_params import TACTICAL, white_noise
+from mwd_estimation.gyrocompass.seek_state import TACTICAL, white_noise
 from mwd_estimation.gyrocompass.station import GyroStation
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings import derivation
@@ -71,7 +71,7 @@ def _surveys(streams, settings, cuts=(), duration=50.0):
     ask = len(imu) - 54 * RATE
     for block in np.split(np.arange(len(imu)), sorted({*cuts, ask})):
         if len(block) and block[0] == ask:
-            pipeline.request_survey(duration)
+            pipeline.still.request(duration)
         pipeline.push_mag(mag[block])
         pipeline.push_precision(precision[block])
         surveys += pipeline.push_imu(imu[block]).surveys

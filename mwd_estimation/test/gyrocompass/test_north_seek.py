@@ -17,8 +17,7 @@ from mwd_estimation.core import clip_flags
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.gyrocompass import gyro_errors, north_seek
-from mwd_estimation.gyrocompass.seek_params import SeekParams, white_noise, with_noise
-from mwd_estimation.gyrocompass.seek_state import SeekState
+from mwd_estimation.gyrocompass.seek_state import SeekParams, SeekState, white_noise, with_noise
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core import earth
 from mwd_sensors.core.constants import DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY

@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from mwd_estimation.gyrocompass import north_seek, seek_filter
-from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
-from mwd_estimation.gyrocompass.seek_state import Error, SeekState, estimate
+from mwd_estimation.gyrocompass.seek_filter import frame
+from mwd_estimation.gyrocompass.seek_state import Error, SeekParams, SeekState, estimate, kernel_params
 from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import mat_nt
 
@@ -85,3 +85,11 @@ def test_it_starts_level_with_its_axis_north_and_every_azimuth_as_likely() -> No
     assert_allclose(math.acos(mat[2, 0]), 1.0, atol=1e-3)
     assert_allclose(state.P[EARTH, EARTH], np.eye(3) * (3.0 * p.horizontal) ** 2, atol=1e-4 * p.horizontal**2)
     assert_allclose(np.sqrt(np.diag(state.P)[BIAS]), p.start_bias, rtol=1e-3)
+
+
+def test_the_frame_of_an_axis_is_its_high_and_right_side() -> None:
+    mat = mat_nt(1.0, 0.5, 0.0)
+    hx, hy, hz, rx, ry = frame(mat[:, 0].copy())
+    assert_allclose([hx, hy, hz], mat[:, 2], atol=1e-12)
+    assert_allclose([rx, ry, 0.0], -mat[:, 1], atol=1e-12)
+    assert_allclose(frame(np.array([0.0, 0.0, 1.0])), [-1.0, 0.0, 0.0, 0.0, 1.0], atol=0.0)

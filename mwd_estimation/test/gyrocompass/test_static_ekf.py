@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from consistency import assert_consistent
 from mwd_estimation.gyrocompass import static_ekf
-from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
+from mwd_estimation.gyrocompass.seek_state import SeekParams, kernel_params
 from mwd_estimation.gyrocompass.static_ekf import Error, StaticNorth, StaticState
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G
 from mwd_sensors.core.frames import mat_nt, wrap_pi

@@ -11,8 +11,8 @@ from window_steps import steps_of
 
 from mwd_estimation.core.axis_mappings import ACCEL, GYRO, MAG, MAPPINGS, MISTAKES
 from mwd_estimation.health import motion_window
-from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.motion_window import Consistency, ExpectedField
+from mwd_estimation.health.window_checks import Window
 from mwd_sensors.core.kalman import in_turned_axes
 
 F = np.array([-3.0, 2.0, -9.0])

@@ -10,10 +10,9 @@ from window_steps import steps_of
 from mwd_estimation.core.axis_mappings import MAPPINGS
 from mwd_estimation.core.sensor_fault import ACCEL, FaultCode
 from mwd_estimation.health import fault_debounce as debounce
-from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, OK, STRONGLY, UNKNOWN
 from mwd_estimation.health.motion_window import ExpectedField
-from mwd_estimation.health.window_checks import CLIPPED, WindowJudge, WindowLimits
+from mwd_estimation.health.window_checks import CLIPPED, Window, WindowJudge, WindowLimits
 from mwd_sensors.core.frames import mat_nt
 
 EXPECTED = ExpectedField(9.81, 50e-6, math.radians(65.0))

@@ -11,8 +11,7 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.magnetic_geometry import raw_azimuth
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.magnetic import interference_filter
-from mwd_estimation.magnetic.interference_filter import InterferenceParams, initial
-from mwd_estimation.magnetic.interference_state import INNOVATION, STATE, FieldSamples
+from mwd_estimation.magnetic.interference_filter import INNOVATION, STATE, FieldSamples, InterferenceParams, initial
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 DEG = math.pi / 180.0

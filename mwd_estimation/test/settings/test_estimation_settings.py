@@ -10,7 +10,7 @@ import yaml
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.gravity import methods
-from mwd_estimation.gyrocompass.seek_params import TACTICAL
+from mwd_estimation.gyrocompass.seek_state import TACTICAL
 from mwd_estimation.settings import derivation, tool_file
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import Place, reference_of

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import mwd_estimation.survey
-from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
+from mwd_estimation.attitude.gyro_azimuth_filter import PropagatedAzimuth
 from mwd_estimation.core import reason_text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mwd_estimation.attitude.sample import samples_of
-from mwd_estimation.attitude.time_alignment_state import PAIR
+from mwd_estimation.attitude.time_alignment import PAIR
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.track import Track

@@ -22,47 +22,27 @@ FLICKER_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
 
 @dataclasses.dataclass(frozen=True)
 class AllanCurve:
-    """
-    Allan deviation as a function of averaging time.
+    """Allan deviation as a function of averaging time."""
 
-    Attributes
-    ----------
-    tau : ndarray, shape (k,)
-        Averaging time, s.
-    deviation : ndarray, shape (k, ...)
-        Deviation in the unit of the samples, one column for each axis.
-    sigma : ndarray, shape (k,)
-        Relative 1 sigma of the deviation, which follows from the number of independent averages.
-    """
-
-    tau: Array
-    deviation: Array
+    tau: Array  #: shape (k,); averaging time, s
+    deviation: Array  #: shape (k, ...); deviation in the unit of the samples, one column for each axis
+    #: Shape (k,); relative 1 sigma of the deviation, which follows from the number of independent averages.
     sigma: Array
 
 
 @dataclasses.dataclass(frozen=True)
 class AllanFigures:
-    """
-    Noise figures of one axis, in the unit of the samples.
+    """Noise figures of one axis, in the unit of the samples."""
 
-    Attributes
-    ----------
-    white : float
-        Noise density, unit / sqrt(Hz): the deviation at 1 s on the slope of -1/2; 0 if the curve does not have this
-        slope.
-    floor, floor_tau : float
-        Lowest deviation and its averaging time, s.
-    instability : float
-        Bias instability B: the floor divided by 0.664.
-    walk : float
-        Random walk of the bias, unit / sqrt(s): the deviation at 3 s on the slope of +1/2; 0 if the curve does not
-        have this slope, usually because the record is too short.
-    """
-
+    #: Noise density, unit / sqrt(Hz): the deviation at 1 s on the slope of -1/2; 0 if the curve does not have this
+    #: slope.
     white: float
+    #: `floor`, `floor_tau`: lowest deviation and its averaging time, s.
     floor: float
     floor_tau: float
-    instability: float
+    instability: float  #: bias instability B: the floor divided by 0.664
+    #: Random walk of the bias, unit / sqrt(s): the deviation at 3 s on the slope of +1/2; 0 if the curve does not have
+    #: this slope, usually because the record is too short.
     walk: float
 
 

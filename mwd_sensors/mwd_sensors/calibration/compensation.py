@@ -19,18 +19,11 @@ _KEPT = 4096
 
 
 class Compensation:
-    """
-    Correction of the samples of one unit.
-
-    Attributes
-    ----------
-    without_temperature : int
-        Number of IMU samples that were corrected before any temperature was known.
-    """
+    """Correction of the samples of one unit."""
 
     def __init__(self, calibration: Calibration) -> None:
         self.calibration = calibration
-        self.without_temperature = 0
+        self.without_temperature = 0  #: number of IMU samples that were corrected before any temperature was known
         self._stamps: NDArray[np.int64] = np.empty(0, dtype=np.int64)
         self._celsius: Array = np.empty(0)
 

@@ -20,41 +20,29 @@ from mwd_sensors.core.arrays import Array
 
 @dataclasses.dataclass(frozen=True)
 class TriadCalibration:
-    """
-    Correction of one triad.
+    """Correction of one triad."""
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (3, 3)
-        The corrected vector is matrix @ ((reading - bias - bias_per_c * warm) / (1 + scale_per_c * warm)), where warm
-        is the temperature minus reference_c.
-    bias, bias_per_c : ndarray, shape (3,)
-        Bias, SI, and its slope, SI/degC.
-    scale_per_c : ndarray, shape (3,)
-        Slope of the scale, 1/degC; zero, like bias_per_c, if the run was made at one temperature.
-    sigma_matrix, sigma_bias, sigma_bias_per_c, sigma_scale_per_c : ndarray
-        1 sigma of each parameter, from the scatter of the residuals.
-    reference_c : float
-        Reference temperature, degC.
-    before, after : float
-        Root mean square of the residuals without and with the correction. On a stand these are errors of the vector,
-        SI. Without a stand they are errors of the strength, SI; for gyros, errors of the direction of gravity, rad.
-    poses : int
-        Number of intervals at rest that were used; for gyros, number of rotations between them.
-    """
-
+    #: Shape (3, 3); the corrected vector is matrix @ ((reading - bias - bias_per_c * warm) / (1 + scale_per_c * warm)),
+    #: where warm is the temperature minus reference_c.
     matrix: Array
+    #: `bias`, `bias_per_c`: shape (3,); bias, SI, and its slope, SI/degC.
     bias: Array
     bias_per_c: Array
+    #: Shape (3,); slope of the scale, 1/degC; zero, like bias_per_c, if the run was made at one temperature.
     scale_per_c: Array
+    #: `sigma_matrix`, `sigma_bias`, `sigma_bias_per_c`, `sigma_scale_per_c`: 1 sigma of each parameter, from the
+    #: scatter of the residuals.
     sigma_matrix: Array
     sigma_bias: Array
     sigma_bias_per_c: Array
     sigma_scale_per_c: Array
-    reference_c: float
+    reference_c: float  #: reference temperature, degC
+    #: `before`, `after`: root mean square of the residuals without and with the correction. On a stand these are errors
+    #: of the vector, SI. Without a stand they are errors of the strength, SI; for gyros, errors of the direction of
+    #: gravity, rad.
     before: float
     after: float
-    poses: int
+    poses: int  #: number of intervals at rest that were used; for gyros, number of rotations between them
 
     def __call__(self, reading: ArrayLike, celsius: ArrayLike) -> Array:
         """Return corrected vectors, shape (..., 3), of readings (..., 3) at temperatures (...), degC."""

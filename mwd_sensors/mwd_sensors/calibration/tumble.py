@@ -244,25 +244,16 @@ _SHORTEST_S, _QUIET_RATE, _QUIET_FORCE = 2.0, 0.02, 0.15
 
 @dataclasses.dataclass(frozen=True)
 class TumbleRests:
-    """
-    Mean readings over intervals at rest.
+    """Mean readings over intervals at rest."""
 
-    Attributes
-    ----------
-    first, last : ndarray, shape (m,)
-        Index of the first sample of each interval, and index after its last sample.
-    gyro, accel, mag : ndarray, shape (m, 3)
-        Mean readings, rad/s, m/s^2, T; mag is NaN without a magnetometer.
-    celsius : ndarray, shape (m,)
-        Mean temperature, degC.
-    """
-
+    #: `first`, `last`: shape (m,); index of the first sample of each interval, and index after its last sample.
     first: Indices
     last: Indices
+    #: `gyro`, `accel`, `mag`: shape (m, 3); mean readings, rad/s, m/s^2, T; mag is NaN without a magnetometer.
     gyro: Array
     accel: Array
     mag: Array
-    celsius: Array
+    celsius: Array  #: shape (m,); mean temperature, degC
 
 
 def rests(gyro: ArrayLike, accel: ArrayLike, mag: ArrayLike | None, celsius: ArrayLike, rate: float) -> TumbleRests:
@@ -317,23 +308,15 @@ UNDETERMINED = "these attitudes do not determine scale, misalignment and bias; t
 
 @dataclasses.dataclass(frozen=True)
 class RunTemperature:
-    """
-    Temperature during a calibration run.
+    """Temperature during a calibration run."""
 
-    Attributes
-    ----------
-    reference_c, span : float
-        Mean and range, degC; the range is 1 if it is too small (`varied`).
-    warm : ndarray, shape (m,)
-        Temperature above the reference divided by the range, so that all parameters of a fit have similar size.
-    varied : bool
-        Whether the range is large enough to fit the effect of temperature.
-    """
-
+    #: `reference_c`, `span`: mean and range, degC; the range is 1 if it is too small (`varied`).
     reference_c: float
     span: float
+    #: Shape (m,); temperature above the reference divided by the range, so that all parameters of a fit have similar
+    #: size.
     warm: Array
-    varied: bool
+    varied: bool  #: whether the range is large enough to fit the effect of temperature
 
     @classmethod
     def of(cls, celsius: Array) -> RunTemperature:

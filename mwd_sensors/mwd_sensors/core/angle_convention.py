@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from mwd_sensors.core.arrays import Array
 
+Angle = TypeVar("Angle", float, "Array")
 _RIGHT = math.pi / 2.0
 
 
@@ -26,21 +27,13 @@ class AngleConvention(enum.StrEnum):
     DIP_UP = "dip_up"  #: from the horizontal, positive where the hole rises
     DIP_DOWN = "dip_down"  #: from the horizontal, positive where the hole falls
 
-    @overload
-    def shown(self, inclination: float) -> float: ...
-    @overload
-    def shown(self, inclination: Array) -> Array: ...
-    def shown(self, inclination: float | Array) -> float | Array:
+    def shown(self, inclination: Angle) -> Angle:
         """Return the angle to show to people, rad, for an inclination, rad; NaN stays NaN."""
         if self is AngleConvention.INCLINATION:
             return inclination
         return inclination - _RIGHT if self is AngleConvention.DIP_UP else _RIGHT - inclination
 
-    @overload
-    def inclination(self, shown: float) -> float: ...
-    @overload
-    def inclination(self, shown: Array) -> Array: ...
-    def inclination(self, shown: float | Array) -> float | Array:
+    def inclination(self, shown: Angle) -> Angle:
         """Return the inclination, rad, for an angle that people have written in this convention, rad."""
         if self is AngleConvention.INCLINATION:
             return shown

@@ -20,34 +20,15 @@ class BudgetError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Budget:
-    """
-    Limits of one reader. None means that a quantity has no limit of its own.
+    """Limits of one reader. None means that a quantity has no limit of its own."""
 
-    Attributes
-    ----------
-    reads : str
-        Inputs that the budget applies to.
-    size : int
-        Largest number of bytes that are read.
-    unpacked : int, optional
-        Largest size of one piece after decompression, bytes.
-    records : int, optional
-        Largest number of rows, values, samples or records.
-    columns : int, optional
-        Largest number of fields of a row, or of lines of a header.
-    seconds : float, optional
-        Longest time from the first record to the last, s.
-    nesting : int, optional
-        Largest number of levels of nesting.
-    """
-
-    reads: str
-    size: int
-    unpacked: int | None = None
-    records: int | None = None
-    columns: int | None = None
-    seconds: float | None = None
-    nesting: int | None = None
+    reads: str  #: inputs that the budget applies to
+    size: int  #: largest number of bytes that are read
+    unpacked: int | None = None  #: largest size of one piece after decompression, bytes
+    records: int | None = None  #: largest number of rows, values, samples or records
+    columns: int | None = None  #: largest number of fields of a row, or of lines of a header
+    seconds: float | None = None  #: longest time from the first record to the last, s
+    nesting: int | None = None  #: largest number of levels of nesting
 
     def check(self, what: str, amount: float) -> None:
         """

@@ -41,31 +41,15 @@ _YEARS = {"wmm2025": (2025.0, 2030.0), "igrf": (1900.0, 2030.0)}
 
 @dataclasses.dataclass(frozen=True)
 class ReferenceField:
-    """
-    Reference gravity and magnetic field at one place and date.
+    """Reference gravity and magnetic field at one place and date."""
 
-    Attributes
-    ----------
-    total : float
-        Strength of the magnetic field, T.
-    dip : float
-        Dip of the field, positive below the horizontal, rad.
-    declination : float
-        Angle from true north to magnetic north, rad, east positive.
-    convergence : float
-        Angle from true north to grid north, rad, east positive: grid azimuth = true azimuth - convergence.
-    gravity : float
-        Gravity, m/s^2.
-    source : str
-        Name of the model with its year, "measured" or "configured".
-    """
-
-    total: float
-    dip: float
-    declination: float
+    total: float  #: strength of the magnetic field, T
+    dip: float  #: dip of the field, positive below the horizontal, rad
+    declination: float  #: angle from true north to magnetic north, rad, east positive
+    #: Angle from true north to grid north, rad, east positive: grid azimuth = true azimuth - convergence.
     convergence: float
-    gravity: float
-    source: str
+    gravity: float  #: gravity, m/s^2
+    source: str  #: name of the model with its year, "measured" or "configured"
 
     @property
     def horizontal(self) -> float:
@@ -244,26 +228,14 @@ def grid_convergence(lat: float, lon: float, crs: str | None = None) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class MapGrid:
-    """
-    Coordinates of a place in a map grid.
+    """Coordinates of a place in a map grid."""
 
-    Attributes
-    ----------
-    name : str
-        Grid as the caller wrote it, or the EPSG code of the default grid.
-    easting, northing : float
-        Coordinates in the grid, m.
-    convergence : float
-        Angle from true north to grid north, rad, east positive.
-    scale : float
-        Distance on the map divided by distance on the ellipsoid.
-    """
-
-    name: str
+    name: str  #: grid as the caller wrote it, or the EPSG code of the default grid
+    #: `easting`, `northing`: coordinates in the grid, m.
     easting: float
     northing: float
-    convergence: float
-    scale: float
+    convergence: float  #: angle from true north to grid north, rad, east positive
+    scale: float  #: distance on the map divided by distance on the ellipsoid
 
 
 def map_grid(lat: float, lon: float, crs: str | None = None) -> MapGrid:

@@ -49,19 +49,10 @@ _RATED, _SCATTERED = 16, 64
 
 @dataclasses.dataclass(frozen=True)
 class StatedNoise:
-    """
-    White noise of a vector as its covariances state it.
+    """White noise of a vector as its covariances state it."""
 
-    Attributes
-    ----------
-    sigma : float
-        1 sigma of a sample on its noisiest axis, rad/s, m/s^2 or T; 0 if no noise is stated.
-    period_s : float
-        Time between samples.
-    """
-
-    sigma: float = 0.0
-    period_s: float = 0.0
+    sigma: float = 0.0  #: 1 sigma of a sample on its noisiest axis, rad/s, m/s^2 or T; 0 if no noise is stated
+    period_s: float = 0.0  #: time between samples
 
     @property
     def density(self) -> float:
@@ -84,18 +75,13 @@ class NoiseWatch:
     ----------
     known : mapping of StatedNoise, optional
         Noise that is known already, by vector.
-
-    Attributes
-    ----------
-    noise : dict of StatedNoise
-        Noise by vector, present once `_RATED` samples have arrived; sigma 0 if the first covariance is absent or not
-        credible.
-    known_ns : dict of int
-        Stamp of the sample with which the noise of a vector became known, ns since 1970, by vector.
     """
 
     def __init__(self, known: Mapping[str, StatedNoise] | None = None) -> None:
+        #: Noise by vector, present once `_RATED` samples have arrived; sigma 0 if the first covariance is absent or not
+        #: credible.
         self.noise: dict[str, StatedNoise] = dict(known or {})
+        #: Stamp of the sample with which the noise of a vector became known, ns since 1970, by vector.
         self.known_ns: dict[str, int] = {}
         self._resting: dict[str, list[NDArray[np.float64]]] = {}
         self._least: dict[str, float] = {}

@@ -34,17 +34,10 @@ class MessageRecord:
     A field `x_ns`, ns since 1970, is the time `x` in the message; `stamp_ns` and `frame_id` are in the message's
     header. A tuple is an array in the message, and a member of an enumeration is its number. Two records are equal if
     each field is equal; NaN equals NaN.
-
-    Attributes
-    ----------
-    MESSAGE : str
-        Full name of the message.
-    NOT_SENT : frozenset of str
-        Fields that the message does not have.
     """
 
-    MESSAGE: ClassVar[str]
-    NOT_SENT: ClassVar[frozenset[str]] = frozenset()
+    MESSAGE: ClassVar[str]  #: full name of the message
+    NOT_SENT: ClassVar[frozenset[str]] = frozenset()  #: fields that the message does not have
 
     @classmethod
     def sent(cls) -> tuple[str, ...]:

@@ -178,27 +178,19 @@ class Transforms:
 
 @dataclasses.dataclass(frozen=True)
 class Mount:
-    """
-    Rotations from the axes of each unit to the tool axes, found from settings and transforms.
+    """Rotations from the axes of each unit to the tool axes, found from settings and transforms."""
 
-    Attributes
-    ----------
-    imu, mag, precision : ndarray, shape (3, 3)
-        Rotation from the axes of the conventional unit, magnetometer and high-precision unit to the tool axes.
-    reversed_accelerometer : bool
-        True if the accelerometer of the conventional unit reads gravity instead of specific force.
-    unusable : dict of str to str
-        Units (imu, mag, precision) whose rotation is not known, each with a sentence that says what to do.
-    assumed : dict of str to str
-        Units (imu, mag, precision) assumed to share the axes of the conventional unit although their messages name
-        another frame, each with a sentence that says what to do.
-    """
-
+    #: `imu`, `mag`, `precision`: shape (3, 3); rotation from the axes of the conventional unit, magnetometer and
+    #: high-precision unit to the tool axes.
     imu: Array
     mag: Array
     precision: Array
+    #: Units (imu, mag, precision) whose rotation is not known, each with a sentence that says what to do.
     unusable: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    #: True if the accelerometer of the conventional unit reads gravity instead of specific force.
     reversed_accelerometer: bool = False
+    #: Units (imu, mag, precision) assumed to share the axes of the conventional unit although their messages name
+    #: another frame, each with a sentence that says what to do.
     assumed: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @property

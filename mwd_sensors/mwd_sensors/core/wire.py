@@ -36,18 +36,10 @@ class WireError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """
-    Layout of one message type: a std_msgs/Header followed by fields of fixed size.
+    """Layout of one message type: a std_msgs/Header followed by fields of fixed size."""
 
-    Attributes
-    ----------
-    type_name : str
-        Name of the type in ROS, for example ``sensor_msgs/msg/Imu``.
-    fields : tuple of (name, kind, count)
-        Fields in wire order; kind is a ROS primitive, count the length of a fixed array or 1.
-    """
-
-    type_name: str
+    type_name: str  #: name of the type in ROS, for example ``sensor_msgs/msg/Imu``
+    #: Fields (name, kind, count) in wire order; kind is a ROS primitive, count the length of a fixed array or 1.
     fields: tuple[tuple[str, str, int], ...]
 
     @functools.cached_property
@@ -204,6 +196,10 @@ def frame_id(message: bytes) -> str:
     return name[:-1].decode(errors="replace")
 
 
+def _doubles(*names: str, count: int = 1) -> tuple[tuple[str, str, int], ...]:
+    return tuple((name, "float64", count) for name in names)
+
+
 IMU = Layout(
     "sensor_msgs/msg/Imu",
     (
@@ -224,23 +220,15 @@ GRAVITY = Layout(
     "mwd_msgs/msg/Gravity",
     (
         ("gravity", "float64", 3),
-        ("sigma", "float64", 1),
-        ("non_gravity", "float64", 1),
-        ("rotary_speed", "float64", 1),
+        *_doubles("sigma", "non_gravity", "rotary_speed"),
         ("status", "uint32", 1),
     ),
 )
 ATTITUDE = Layout(
     "mwd_msgs/msg/Attitude",
     (
-        ("inclination", "float64", 1),
-        ("azimuth", "float64", 1),
-        ("gravity_toolface", "float64", 1),
-        ("magnetic_toolface", "float64", 1),
-        ("sigma_inclination", "float64", 1),
-        ("sigma_azimuth", "float64", 1),
-        ("sigma_gravity_toolface", "float64", 1),
-        ("sigma_magnetic_toolface", "float64", 1),
+        *_doubles("inclination", "azimuth", "gravity_toolface", "magnetic_toolface"),
+        *_doubles("sigma_inclination", "sigma_azimuth", "sigma_gravity_toolface", "sigma_magnetic_toolface"),
         ("status", "uint32", 1),
         ("north", "uint8", 1),
     ),
@@ -262,15 +250,8 @@ DYNAMICS = Layout(
     (
         ("duration", "float64", 1),
         ("samples", "uint32", 1),
-        ("rotary_speed", "float64", 1),
-        ("rotary_speed_least", "float64", 1),
-        ("rotary_speed_most", "float64", 1),
-        ("stick_slip_index", "float64", 1),
-        ("stick_share", "float64", 1),
-        ("axial_rms", "float64", 1),
-        ("lateral_rms", "float64", 1),
-        ("axial_peak", "float64", 1),
-        ("lateral_peak", "float64", 1),
+        *_doubles("rotary_speed", "rotary_speed_least", "rotary_speed_most", "stick_slip_index", "stick_share"),
+        *_doubles("axial_rms", "lateral_rms", "axial_peak", "lateral_peak"),
         ("shocks", "uint32", 1),
         ("shock_peak", "float64", 1),
         ("shocks_total", "uint32", 1),
@@ -280,16 +261,8 @@ DYNAMICS = Layout(
 RIG_STATE = Layout(
     "mwd_msgs/msg/RigState",
     (
-        ("bit_depth", "float64", 1),
-        ("hole_depth", "float64", 1),
-        ("block_position", "float64", 1),
-        ("hookload", "float64", 1),
-        ("weight_on_bit", "float64", 1),
-        ("torque", "float64", 1),
-        ("rotary_speed", "float64", 1),
-        ("flow_rate", "float64", 1),
-        ("pressure", "float64", 1),
-        ("rate_of_penetration", "float64", 1),
+        *_doubles("bit_depth", "hole_depth", "block_position", "hookload", "weight_on_bit"),
+        *_doubles("torque", "rotary_speed", "flow_rate", "pressure", "rate_of_penetration"),
         ("valid", "uint32", 1),
         ("in_slips", "bool", 1),
     ),
@@ -300,22 +273,9 @@ TRUTH = Layout(
     "mwd_msgs/msg/Truth",
     (
         ("orientation", "float64", 4),
-        ("angular_velocity", "float64", 3),
-        ("specific_force", "float64", 3),
-        ("gravity", "float64", 3),
-        ("position", "float64", 3),
-        ("velocity", "float64", 3),
-        ("magnetic_field", "float64", 3),
-        ("interference", "float64", 3),
-        ("gyro_bias", "float64", 3),
-        ("accel_bias", "float64", 3),
-        ("precision_gyro_bias", "float64", 3),
-        ("precision_accel_bias", "float64", 3),
-        ("inclination", "float64", 1),
-        ("azimuth", "float64", 1),
-        ("gravity_toolface", "float64", 1),
-        ("measured_depth", "float64", 1),
-        ("temperature", "float64", 1),
+        *_doubles("angular_velocity", "specific_force", "gravity", "position", "velocity", "magnetic_field", count=3),
+        *_doubles("interference", "gyro_bias", "accel_bias", "precision_gyro_bias", "precision_accel_bias", count=3),
+        *_doubles("inclination", "azimuth", "gravity_toolface", "measured_depth", "temperature"),
         ("activity", "uint32", 1),
     ),
 )
@@ -325,20 +285,14 @@ COUNTS = Layout(
     (
         ("duration", "float64", 1),
         ("counts", "uint32", 1),
-        ("dead_time", "float64", 1),
-        ("tool_factor", "float64", 1),
-        ("toolface_offset", "float64", 1),
-        ("sensor_to_bit", "float64", 1),
+        *_doubles("dead_time", "tool_factor", "toolface_offset", "sensor_to_bit"),
     ),
 )
 TOOL_FLOW = Layout("mwd_msgs/msg/ToolFlow", (("flow", "float64", 1), ("sigma", "float64", 1)))
 TOOL_STATUS = Layout(
     "mwd_msgs/msg/ToolStatus",
     (
-        ("battery_voltage", "float64", 1),
-        ("battery_current", "float64", 1),
-        ("consumed_charge", "float64", 1),
-        ("run_time", "float64", 1),
+        *_doubles("battery_voltage", "battery_current", "consumed_charge", "run_time"),
         ("self_tests", "uint32", 1),
         ("failed_self_tests", "uint32", 1),
     ),

@@ -50,13 +50,6 @@ class Emulator:
         Send nothing until the command start, or the first request, arrives.
     frame : PolledFrame, optional
         Frame of the protocol "polled"; None for the default frame.
-
-    Attributes
-    ----------
-    device : str
-        Name of the host's end of the line, for the driver.
-    sent : int
-        Number of samples sent.
     """
 
     def __init__(
@@ -74,7 +67,7 @@ class Emulator:
         for end in (self._master, self._slave):
             tty.setraw(end)
         os.set_blocking(self._master, False)
-        self.device = os.ttyname(self._slave)
+        self.device = os.ttyname(self._slave)  #: name of the host's end of the line, for the driver
         self._link = link
         if link is not None:
             if link.is_symlink():
@@ -90,7 +83,7 @@ class Emulator:
         # Clock of the unit: stamp of the first sample (at rate 0 of the newest), ns; steady time at which the first
         # sample was sent, s; unit seconds per second of the wall clock.
         self._unit_ns, self._began, self._rate = 0, 0.0, 0.0
-        self.sent = 0
+        self.sent = 0  #: number of samples sent
 
     def play(self, blocks: Iterable[Mapping[str, Samples]], rate: float = 1.0) -> None:
         """

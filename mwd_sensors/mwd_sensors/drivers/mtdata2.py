@@ -59,17 +59,11 @@ class MtReader:
     field_t : float
         Field that the unit reports as 1, T: the field at the place of its calibration. If it is 0 (not known),
         magnetometer items are ignored.
-
-    Attributes
-    ----------
-    counters : FrameCounters
-    without_interval : int
-        Number of packets ignored because the interval of their increments is not known.
     """
 
     def __init__(self, field_t: float = 0.0) -> None:
         self.counters = FrameCounters()
-        self.without_interval = 0
+        self.without_interval = 0  #: number of packets ignored because the interval of their increments is not known
         self._field_t = field_t
         self._held = b""
         self._ticks = -1

@@ -335,19 +335,13 @@ class Master:
 
     Times are in s by any steady clock. After a wait of `timeout_s` for a reply, the line must be quiet for another
     `timeout_s` before the request is repeated, so that a late reply is not taken for the reply to the next request.
-
-    Attributes
-    ----------
-    counters : FrameCounters
-        Replies read, replies with errors, and requests without any reply in spite of all repetitions.
-    trouble : dict of str to int
-        Number of errors of each kind, by a sentence about the kind.
     """
 
     def __init__(self, frame: PolledFrame) -> None:
         self.frame = frame
+        #: Replies read, replies with errors, and requests without any reply in spite of all repetitions.
         self.counters = FrameCounters()
-        self.trouble: dict[str, int] = {}
+        self.trouble: dict[str, int] = {}  #: number of errors of each kind, by a sentence about the kind
         self._turn, self._tries = 0, 0
         self._sent: bytes = b""
         self._sent_s, self._free_s, self._round_s = -math.inf, -math.inf, -math.inf
@@ -486,21 +480,12 @@ class Master:
 
 
 class PolledLineUnit:
-    """
-    Unit on a polled line: answers the requests of a master.
-
-    Attributes
-    ----------
-    answered : int
-        Number of replies and refusals.
-    trouble : dict of str to int
-        Number of errors of each kind, by a sentence about the kind.
-    """
+    """Unit on a polled line: answers the requests of a master."""
 
     def __init__(self, frame: PolledFrame) -> None:
         self.frame = frame
-        self.answered = 0
-        self.trouble: dict[str, int] = {}
+        self.answered = 0  #: number of replies and refusals
+        self.trouble: dict[str, int] = {}  #: number of errors of each kind, by a sentence about the kind
         self._held = b""
         self._requests = {request(frame, poll): poll for poll in frame.polls}
 

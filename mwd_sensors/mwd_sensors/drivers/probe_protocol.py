@@ -136,10 +136,6 @@ class ProbeReader:
     Decoder of the bytes of a probe: samples and answers.
 
     text selects lines of text instead of binary frames.
-
-    Attributes
-    ----------
-    counters : FrameCounters
     """
 
     def __init__(self, text: bool) -> None:

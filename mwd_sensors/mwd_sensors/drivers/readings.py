@@ -45,59 +45,31 @@ _CLIP_BITS = {
 
 @dataclasses.dataclass(frozen=True)
 class UnitSample:
-    """
-    One sample of a sensor unit.
+    """One sample of a sensor unit."""
 
-    Attributes
-    ----------
-    topic : str
-        Topic, a key of `LAYOUTS`.
-    stamp_ns : int
-        Time by the clock of the unit.
-    values : tuple of float
-        Values of the fields in `FIELDS`, in order, SI.
-    status : int
-        Bits of `CLIPPED_ACCEL`, `CLIPPED_GYRO`, `CLIPPED_MAG` and `FAULT`.
-    """
-
-    topic: str
-    stamp_ns: int
-    values: tuple[float, ...]
-    status: int = 0
+    topic: str  #: topic, a key of `LAYOUTS`
+    stamp_ns: int  #: time by the clock of the unit
+    values: tuple[float, ...]  #: values of the fields in `FIELDS`, in order, SI
+    status: int = 0  #: bits of `CLIPPED_ACCEL`, `CLIPPED_GYRO`, `CLIPPED_MAG` and `FAULT`
 
 
 @dataclasses.dataclass(frozen=True)
 class UnitAnswer:
-    """
-    Answer of a unit to a command.
+    """Answer of a unit to a command."""
 
-    Attributes
-    ----------
-    kind : str
-        time or info.
-    text : str
-        For info: name, serial number and version of the unit.
-    sent_ns, unit_ns : int
-        For time: the host's time in the command, and the unit's time when it read the command, ns.
-    """
-
-    kind: str
-    text: str = ""
+    kind: str  #: time or info
+    text: str = ""  #: for info: name, serial number and version of the unit
+    #: `sent_ns`, `unit_ns`: for time: the host's time in the command, and the unit's time when it read the command, ns.
     sent_ns: int = 0
     unit_ns: int = 0
 
 
 @dataclasses.dataclass
 class FrameCounters:
-    """
-    Counts of the frames on a line.
+    """Counts of the frames on a line."""
 
-    Attributes
-    ----------
-    frames, broken, lost : int
-        Complete frames, frames with an invalid check or content, and frames missing according to the counter.
-    """
-
+    #: `frames`, `broken`, `lost`: complete frames, frames with an invalid check or content, and frames missing
+    #: according to the counter.
     frames: int = 0
     broken: int = 0
     lost: int = 0

@@ -84,26 +84,7 @@ def polled_frame(settings: LineSettings) -> polled_line.PolledFrame:
 
 
 class SerialProbe:
-    """
-    Connection to one probe.
-
-    Attributes
-    ----------
-    connected : bool
-        Whether the line is open.
-    failure : str
-        Reason why the line cannot be opened or was lost; empty while it is open.
-    connections : int
-        Number of times that the line was opened.
-    info : str
-        Name, serial number and version that the unit reports.
-    clips : dict of str to int
-        Number of samples in which each axis was clipped.
-    faults : int
-        Number of samples in which the unit reports a fault.
-    received : int
-        Number of samples received.
-    """
+    """Connection to one probe."""
 
     def __init__(self, settings: LineSettings) -> None:
         self._settings = settings
@@ -114,9 +95,12 @@ class SerialProbe:
         self._counter = 0
         # Whether the unit shall send samples, and the number of samples received before the last exchange.
         self._wanted, self._received_before = True, 0
-        self.failure, self.info = "", ""
-        self.connections = self.faults = self.received = 0
-        self.clips: dict[str, int] = {}
+        self.failure = ""  #: reason why the line cannot be opened or was lost; empty while it is open
+        self.connections = 0  #: number of times that the line was opened
+        self.info = ""  #: name, serial number and version that the unit reports
+        self.clips: dict[str, int] = {}  #: number of samples in which each axis was clipped
+        self.faults = 0  #: number of samples in which the unit reports a fault
+        self.received = 0  #: number of samples received
         self._open_reader()
 
     def _open_reader(self) -> None:
@@ -329,20 +313,11 @@ _STEP_NS, _AGREEING, _ALIKE_NS, _LASTING_NS = 200_000_000, 3, 50_000_000, 2_500_
 
 
 class UnitClock:
-    """
-    Estimate of the offset from the unit's time to the host's time.
-
-    Attributes
-    ----------
-    offset_ns : int
-        Offset in force; 0 before it is known.
-    jumps : int
-        Number of times that the offset changed at once; -1 before it is known.
-    """
+    """Estimate of the offset from the unit's time to the host's time."""
 
     def __init__(self) -> None:
-        self.offset_ns = 0
-        self.jumps = -1
+        self.offset_ns = 0  #: offset in force; 0 before it is known
+        self.jumps = -1  #: number of times that the offset changed at once; -1 before it is known
         self._seen: collections.deque[int] = collections.deque(maxlen=_KEPT)
         # Host time and offset of recent observations that differ from the present offset but agree with each other.
         self._off: list[tuple[int, int]] = []

@@ -21,9 +21,8 @@ from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.messages import message_type
-from mwd_sensors.simulator.link_channels import Heard, OnAir
 from mwd_sensors.simulator.sonde import Sonde
-from mwd_sensors.simulator.telemetry_link import Telemetry
+from mwd_sensors.simulator.telemetry_link import Heard, OnAir, Telemetry
 
 # Lag of the simulated channel behind the simulation: wall time, s, and simulation time, s; both are added. The lag lets
 # the tool's signals arrive before their time is simulated.

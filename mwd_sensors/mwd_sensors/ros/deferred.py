@@ -71,18 +71,11 @@ def allow_deferred_responses(service: Service) -> None:
 
 
 class DeferredGoal:
-    """
-    Accepted goal of an action: publish feedback while it runs, and finish it once.
-
-    Attributes
-    ----------
-    request : message
-        Goal part of the action.
-    """
+    """Accepted goal of an action: publish feedback while it runs, and finish it once."""
 
     def __init__(self, server: DeferredActionServer, handle: ServerGoalHandle) -> None:
         self._server, self._handle = server, handle
-        self.request = handle.request
+        self.request = handle.request  #: goal part of the action
 
     @property
     def done(self) -> bool:

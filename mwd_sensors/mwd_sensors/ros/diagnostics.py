@@ -15,28 +15,13 @@ OK, WARN, ERROR, STALE = (bytes([level]) for level in range(4))
 
 @dataclasses.dataclass(frozen=True)
 class Diagnostic:
-    """
-    One entry of a node's diagnostics.
+    """One entry of a node's diagnostics."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the monitored item; published as ``<node>: <name>``.
-    level : bytes
-        OK, WARN, ERROR or STALE.
-    message : str
-        Description of the state for the user.
-    remedy : str
-        Advice to the user; published as the value `remedy`.
-    values : tuple of (str, str)
-        Numbers that describe the state, as (name, text).
-    """
-
-    name: str
-    level: bytes
-    message: str
-    remedy: str = ""
-    values: tuple[tuple[str, str], ...] = ()
+    name: str  #: name of the monitored item; published as ``<node>: <name>``
+    level: bytes  #: OK, WARN, ERROR or STALE
+    message: str  #: description of the state for the user
+    remedy: str = ""  #: advice to the user; published as the value `remedy`
+    values: tuple[tuple[str, str], ...] = ()  #: numbers that describe the state, as (name, text)
 
 
 class CallbackFailures:

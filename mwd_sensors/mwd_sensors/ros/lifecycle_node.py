@@ -36,9 +36,8 @@ from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.middleware_events import MiddlewareEvents
 from mwd_sensors.ros.parameters import SettingsParameters, given_at_start
 from mwd_sensors.ros.qos import STATE, offered
-from mwd_sensors.ros.refused_entity import RefusedEntityError, is_enforced, named_refusal
+from mwd_sensors.ros.refused_entity import RefusedEntityError, TopicPublisher, is_enforced, named_refusal
 from mwd_sensors.ros.request_rules import refusal
-from mwd_sensors.ros.topic_publisher import TopicPublisher
 
 T = TypeVar("T")
 
@@ -70,13 +69,6 @@ class GraphNode(LifecycleNode, Generic[T]):
     **node_options
         Options of `rclpy.lifecycle.LifecycleNode`.
 
-    Attributes
-    ----------
-    active : bool
-        True while the node is in the state `active`.
-    stop_requested : Future
-        Done when the process should end; its exception, if any, is the reason why the node cannot do its work.
-
     Raises
     ------
     SettingsError
@@ -101,8 +93,10 @@ class GraphNode(LifecycleNode, Generic[T]):
         self._entities: list[tuple[Any, Callable[[], Any]]] = []
         self._retired: list[contextlib.ExitStack] = []
         self._buffers: list[MessageBuffer] = []
-        self.active = self._configured = self._finalized = False
+        self.active = False  #: True while the node is in the state `active`
+        self._configured = self._finalized = False
         self._failures = CallbackFailures()
+        #: Done when the process should end; its exception, if any, is the reason why the node cannot do its work.
         self.stop_requested: Future = Future()
         self._stop_timer: Timer | None = None
         steady = Clock(clock_type=ClockType.STEADY_TIME)

@@ -44,7 +44,7 @@ class SondeBattery(Pack):
         0.02, "1 sigma of the relative error of the charge counter, as a share.", low=0.0, high=0.5
     )
     run_h: float = setting(
-        0.0, "Run time of the electronics before the run. Raising it starts with an emptier battery.", unit="h", low=0.0
+        0.0, "Run time of the electronics before the run. Raising it starts with an emptier battery.", low=0.0
     )
     failures: tuple[tuple[float, str], ...] = setting(
         (), "Self-tests that fail. Each row has the time from which the test fails, s, and the name of the test."
@@ -66,16 +66,12 @@ class BatteryModel:
     ----------
     rng : Generator
         Random numbers for the errors of the meters.
-
-    Attributes
-    ----------
-    used : float
-        Used share of the charge: 1 means that the battery is empty.
     """
 
     def __init__(self, settings: SondeBattery, rng: np.random.Generator) -> None:
         self.settings, self._rng = settings, rng
         self._scale = 1.0 + settings.counter_error * float(rng.standard_normal())
+        #: Used share of the charge: 1 means that the battery is empty.
         self.used = settings.used_ah / settings.capacity_ah
         self._charge = settings.used_ah * 3600.0
 

@@ -34,24 +34,14 @@ class CarrierSpan:
 
 @dataclasses.dataclass(frozen=True)
 class CarrierSent:
-    """
-    Everything that a tool sent on a carrier.
-
-    Attributes
-    ----------
-    spans : tuple of CarrierSpan
-        Spans of symbols in order of time.
-    frequency_hz, symbol_s : float
-        Carrier frequency, Hz, and symbol duration, s, by the clock of the surface.
-    shift : float
-        Share of a symbol during which the phase changes from the phase of the symbol before.
-    """
+    """Everything that a tool sent on a carrier."""
 
     words: tuple[SentWord, ...]
-    spans: tuple[CarrierSpan, ...]
+    spans: tuple[CarrierSpan, ...]  #: spans of symbols in order of time
+    #: `frequency_hz`, `symbol_s`: carrier frequency, Hz, and symbol duration, s, by the clock of the surface.
     frequency_hz: float
     symbol_s: float
-    shift: float
+    shift: float  #: share of a symbol during which the phase changes from the phase of the symbol before
 
     def drive(self, time_s: Array) -> Array:
         """Return the signal at times, s, shape (n,): a cosine of amplitude 1 while the tool sends, otherwise 0."""

@@ -37,7 +37,7 @@ class CoilChannel:
     """Receiver of the field of a sonde: position and axis of the receiver, the ground, and the noise."""
 
     position_m: tuple[float, float, float] = setting(
-        (0.0, 0.0, -1.0), "Position of the receiver from the wellhead: north, east, down.", unit="m"
+        (0.0, 0.0, -1.0), "Position of the receiver from the wellhead: north, east, down."
     )
     axis: tuple[float, float, float] = setting(
         (1.0, 0.0, 0.0),
@@ -58,7 +58,7 @@ class CoilChannel:
         unit="T",
         low=0.0,
     )
-    mains_hz: float = setting(50.0, "Frequency of the mains.", unit="Hz", low=10.0, high=120.0)
+    mains_hz: float = setting(50.0, "Frequency of the mains.", low=10.0, high=120.0)
     volt_per_t: float = setting(1.0e9, "Voltage of the receiver for a field of 1 T.", unit="V/T", low=1.0, high=1e15)
 
     def __post_init__(self) -> None:

@@ -80,9 +80,9 @@ class Fault:
     component: str = setting(doc="Component that fails.", choices=tuple(COMPONENTS))
     fault: str = setting(doc="Kind of failure.", choices=WORDS)
     axis: str = setting("all", "Axis that fails.", choices=AXES)
-    start_s: float = setting(0.0, "Time of the run at which the fault begins.", unit="s", low=0.0, high=1e9)
+    start_s: float = setting(0.0, "Time of the run at which the fault begins.", low=0.0, high=1e9)
     seconds: float = setting(1e9, "Duration of the fault.", unit="s", low=0.0, high=1e9)
-    delay_s: float = setting(0.5, "Age of the values of a delayed sensor.", unit="s", low=0.0, high=30.0)
+    delay_s: float = setting(0.5, "Age of the values of a delayed sensor.", low=0.0, high=30.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,15 +90,13 @@ class MessageFaults:
     """Losses and other faults of the messages between sensor and log."""
 
     loss: float = setting(0.0, "Share of the samples that are lost.", low=0.0, high=1.0)
-    burst_every_s: float = setting(0.0, "Mean time between bursts of loss. 0: no bursts.", unit="s", low=0.0, high=1e6)
-    burst_s: float = setting(0.5, "Duration of a burst of loss.", unit="s", low=0.0, high=600.0)
+    burst_every_s: float = setting(0.0, "Mean time between bursts of loss. 0: no bursts.", low=0.0, high=1e6)
+    burst_s: float = setting(0.5, "Duration of a burst of loss.", low=0.0, high=600.0)
     duplicates: float = setting(0.0, "Share of the samples that are sent twice.", low=0.0, high=1.0)
     reorder: float = setting(0.0, "Share of the samples that change places with the next sample.", low=0.0, high=1.0)
-    clock_jump_at_s: float = setting(
-        0.0, "Time of the run at which the sonde's clock jumps.", unit="s", low=0.0, high=1e9
-    )
+    clock_jump_at_s: float = setting(0.0, "Time of the run at which the sonde's clock jumps.", low=0.0, high=1e9)
     clock_jump_s: float = setting(
-        0.0, "Size of the jump of the sonde's clock, forward if positive. 0: no jump.", unit="s", low=-1e9, high=1e9
+        0.0, "Size of the jump of the sonde's clock, forward if positive. 0: no jump.", low=-1e9, high=1e9
     )
 
 

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.settings import setting
-from mwd_sensors.simulator.kinematics import WellPath
+from mwd_sensors.simulator.motion import WellPath
 
 _PERIOD_S = 0.04  # counting interval, s, in which the tool turns by 29 deg at 120 r/min
 _DIRECTIONS = 24  # number of directions around the hole over which the rock is averaged
@@ -45,9 +45,7 @@ class Gamma:
         "depth along the hole.",
         choices=("tvd", "md"),
     )
-    sensor_to_bit_m: float = setting(
-        15.0, "Distance along the hole from the detector to the bit.", unit="m", low=0.0, high=100.0
-    )
+    sensor_to_bit_m: float = setting(15.0, "Distance along the hole from the detector to the bit.", low=0.0, high=100.0)
     tool_factor: float = setting(
         1.5,
         "API units of one count per second. Raising it lowers the count rate, so the log becomes noisier.",
@@ -62,11 +60,7 @@ class Gamma:
         high=1e5,
     )
     window_deg: float = setting(
-        0.0,
-        "Angle from the scribe line to the detector's window, clockwise looking down-hole.",
-        unit="deg",
-        low=-360.0,
-        high=360.0,
+        0.0, "Angle from the scribe line to the detector's window, clockwise looking down-hole.", low=-360.0, high=360.0
     )
     leak: float = setting(
         0.1,
@@ -75,19 +69,17 @@ class Gamma:
         low=0.0,
         high=1.0,
     )
-    hole_radius_m: float = setting(0.108, "Radius of the hole.", unit="m", low=0.01, high=1.0)
+    hole_radius_m: float = setting(0.108, "Radius of the hole.", low=0.01, high=1.0)
     reach_m: float = setting(
         0.12,
         "Distance into the rock over which the sensitivity falls to 1/e. Raising it smooths the log at layer "
         "boundaries.",
-        unit="m",
         low=0.01,
         high=2.0,
     )
     half_length_m: float = setting(
         0.15,
         "Half of the length of hole over which the detector averages. Raising it smooths the log.",
-        unit="m",
         low=0.0,
         high=2.0,
     )

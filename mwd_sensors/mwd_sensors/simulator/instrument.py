@@ -21,43 +21,24 @@ from mwd_sensors.simulator.instrument_grade import AccelerometerGrade, GyroGrade
 
 
 class Triad(NamedTuple):
-    """
-    Errors of one sensor triad of one tool, drawn at random, SI.
+    """Errors of one sensor triad of one tool, drawn at random, SI."""
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (3, 3)
-        Scale and misalignment: output = matrix @ input + ....
-    bias, bias_per_c, scale_per_c : ndarray, shape (3,)
-        Bias at the calibration temperature; slopes of bias and scale per degC.
-    g_matrix : ndarray, shape (3, 3)
-        Sensitivity to specific force, per m/s^2.
-    g2 : ndarray, shape (3,)
-        Sensitivity to the square of the specific force along the axis, without gravity's part, per (m/s^2)^2.
-    noise : float
-        White noise, per sqrt(Hz).
-    instability, walk : float
-        Steady 1 sigma of the first-order Markov bias; growth of the random walk per sqrt(s).
-    instability_s : float
-        Correlation time of the Markov bias.
-    limit : ndarray, shape (3,)
-        Largest reading; larger values are clipped.
-    step : float
-        Quantisation step; 0 for none.
-    """
-
-    matrix: Array
+    matrix: Array  #: shape (3, 3); scale and misalignment: output = matrix @ input + ...
+    #: `bias`, `bias_per_c`, `scale_per_c`: shape (3,); bias at the calibration temperature; slopes of bias and scale
+    #: per degC.
     bias: Array
     bias_per_c: Array
     scale_per_c: Array
-    g_matrix: Array
+    g_matrix: Array  #: shape (3, 3); sensitivity to specific force, per m/s^2
+    #: Shape (3,); sensitivity to the square of the specific force along the axis, without gravity's part, per
+    #: (m/s^2)^2.
     g2: Array
-    noise: float
-    instability: float
-    instability_s: float
-    walk: float
-    limit: Array
-    step: float
+    noise: float  #: white noise, per sqrt(Hz)
+    instability: float  #: steady 1 sigma of the first-order Markov bias
+    instability_s: float  #: correlation time of the Markov bias
+    walk: float  #: growth of the random walk per sqrt(s)
+    limit: Array  #: shape (3,); largest reading; larger values are clipped
+    step: float  #: quantisation step; 0 for none
 
 
 # Peak of the Allan deviation of a first-order Markov process (at 1.89 correlation times) divided by its steady sigma

@@ -24,11 +24,9 @@ class Pole:
     """A magnetic pole in the ground: the end of a casing, a joint of an offset well."""
 
     position_m: tuple[float, float, float] = setting(
-        doc="Position of the pole from the wellhead: north, east, down.", unit="m", low=-1e5, high=1e5
+        doc="Position of the pole from the wellhead: north, east, down.", low=-1e5, high=1e5
     )
-    strength_uwb: float = setting(
-        doc="Strength of the pole, positive where field lines leave it.", unit="uWb", low=-1e5, high=1e5
-    )
+    strength_uwb: float = setting(doc="Strength of the pole, positive where field lines leave it.", low=-1e5, high=1e5)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,13 +34,13 @@ class CasedWell:
     """A cased well nearby, with magnetic poles of random sign and strength at the joints of its casing."""
 
     start_m: tuple[float, float, float] = setting(
-        doc="One end of the cased well from the wellhead: north, east, down.", unit="m", low=-1e5, high=1e5
+        doc="One end of the cased well from the wellhead: north, east, down.", low=-1e5, high=1e5
     )
     end_m: tuple[float, float, float] = setting(
-        doc="Other end of the cased well from the wellhead: north, east, down.", unit="m", low=-1e5, high=1e5
+        doc="Other end of the cased well from the wellhead: north, east, down.", low=-1e5, high=1e5
     )
-    joint_m: float = setting(12.0, "Length of a casing joint.", unit="m", low=1.0, high=100.0)
-    strength_uwb: float = setting(100.0, "Magnetic pole strength of a joint, 1 sigma.", unit="uWb", low=0.0, high=1e5)
+    joint_m: float = setting(12.0, "Length of a casing joint.", low=1.0, high=100.0)
+    strength_uwb: float = setting(100.0, "Magnetic pole strength of a joint, 1 sigma.", low=0.0, high=1e5)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,9 +51,9 @@ class Anomaly:
     Between two depths the field is interpolated linearly; above the first and below the last depth it is constant.
     """
 
-    md_m: float = setting(doc="Measured depth of the sonde.", unit="m", low=-100.0, high=20000.0)
+    md_m: float = setting(doc="Measured depth of the sonde.", low=-100.0, high=20000.0)
     field_nt: tuple[float, float, float] = setting(
-        doc="Disturbing field at this depth: north, east, down.", unit="nT", low=-1e6, high=1e6
+        doc="Disturbing field at this depth: north, east, down.", low=-1e6, high=1e6
     )
 
 
@@ -63,11 +61,9 @@ class Anomaly:
 class ToolJoints:
     """Magnetised joints of the string, which the sonde passes one by one, as a wireline probe inside the pipe does."""
 
-    spacing_m: float = setting(9.0, "Distance between two joints.", unit="m", low=0.5, high=50.0)
-    axial_nt: float = setting(1500.0, "Field along the axis at a joint.", unit="nT", low=-1e6, high=1e6)
-    width_m: float = setting(
-        0.4, "Distance from a joint at which its field is half as strong.", unit="m", low=0.01, high=10.0
-    )
+    spacing_m: float = setting(9.0, "Distance between two joints.", low=0.5, high=50.0)
+    axial_nt: float = setting(1500.0, "Field along the axis at a joint.", low=-1e6, high=1e6)
+    width_m: float = setting(0.4, "Distance from a joint at which its field is half as strong.", low=0.01, high=10.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,7 +71,7 @@ class Diurnal:
     """Daily variation of the Earth's field: a sine with a period of 24 h."""
 
     amplitude_nt: tuple[float, float, float] = setting(
-        (0.0, 0.0, 0.0), "Amplitude of the variation to the north, east and down.", unit="nT", low=0.0, high=5000.0
+        (0.0, 0.0, 0.0), "Amplitude of the variation to the north, east and down.", low=0.0, high=5000.0
     )
     peak_hour: float = setting(
         12.0, "Hour of the day, UTC, at which the variation is largest.", unit="h", low=0.0, high=24.0
@@ -86,7 +82,7 @@ class Diurnal:
 class Interference:
     """All magnetic disturbances of one simulation."""
 
-    axial_nt: float = setting(0.0, "Field of the drill string along the tool axis.", unit="nT", low=-1e6, high=1e6)
+    axial_nt: float = setting(0.0, "Field of the drill string along the tool axis.", low=-1e6, high=1e6)
     axial_relative: float = setting(
         0.0,
         "Further field along the tool axis, as a multiple of the local field. The study S0 uses 0.5, 1 and 2.",
@@ -94,7 +90,7 @@ class Interference:
         high=10.0,
     )
     cross_nt: tuple[float, float] = setting(
-        (0.0, 0.0), "Field of the drill string across the tool, along y and z.", unit="nT", low=-1e6, high=1e6
+        (0.0, 0.0), "Field of the drill string across the tool, along y and z.", low=-1e6, high=1e6
     )
     soft_iron: tuple[tuple[float, float, float], ...] = setting(
         (),
@@ -120,25 +116,15 @@ class Interference:
 
 @dataclasses.dataclass(frozen=True)
 class Disturbance:
-    """
-    Magnetic disturbances of one simulation in SI units; the random poles of the settings (`Interference`) are drawn.
+    """Magnetic disturbances of one simulation in SI; the random poles of the settings (`Interference`) are drawn."""
 
-    Attributes
-    ----------
-    hard : ndarray, shape (3,)
-        Field of the drill string in tool axes, T.
-    soft : ndarray, shape (3, 3)
-        Soft-iron matrix in tool axes.
-    anomaly_md, anomaly_n : ndarray, shape (k,) and (k, 3)
-        Measured depth, m, and field in NED, T, of the anomalies.
-    pole_position, pole_strength : ndarray, shape (p, 3) and (p,)
-        Position in NED, m, and strength, Wb, of the poles in the ground.
-    """
-
-    hard: Array
-    soft: Array
+    hard: Array  #: shape (3,); field of the drill string in tool axes, T
+    soft: Array  #: shape (3, 3); soft-iron matrix in tool axes
+    #: `anomaly_md`, `anomaly_n`: shape (k,) and (k, 3); measured depth, m, and field in NED, T, of the anomalies.
     anomaly_md: Array
     anomaly_n: Array
+    #: `pole_position`, `pole_strength`: shape (p, 3) and (p,); position in NED, m, and strength, Wb, of the poles in
+    #: the ground.
     pole_position: Array
     pole_strength: Array
     joints: ToolJoints | None

@@ -37,9 +37,9 @@ from mwd_sensors.simulator.vibration import Vibrations
 class ScenarioPlace:
     """Place of the well."""
 
-    latitude_deg: float = setting(38.0, "Latitude of the well, north positive.", unit="deg", low=-90.0, high=90.0)
-    longitude_deg: float = setting(109.0, "Longitude of the well, east positive.", unit="deg", low=-180.0, high=360.0)
-    height_m: float = setting(1100.0, "Height of the wellhead above the ellipsoid.", unit="m", low=-1000.0, high=9000.0)
+    latitude_deg: float = setting(38.0, "Latitude of the well, north positive.", low=-90.0, high=90.0)
+    longitude_deg: float = setting(109.0, "Longitude of the well, east positive.", low=-180.0, high=360.0)
+    height_m: float = setting(1100.0, "Height of the wellhead above the ellipsoid.", low=-1000.0, high=9000.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,11 +60,9 @@ class ScenarioWell:
     plan: tuple[tuple[float, float, float], ...] = setting(
         (), "Planned path, which `mwd run` loads. Rows as in `stations`; empty: no plan."
     )
-    bit_m: float = setting(30.0, "Measured depth of the bit at the start.", unit="m", low=0.0, high=20000.0)
-    sensor_to_bit_m: float = setting(
-        3.0, "Distance along the hole from the sonde to the bit.", unit="m", low=0.0, high=100.0
-    )
-    toolface_deg: float = setting(0.0, "Gravity toolface at the start.", unit="deg", low=-360.0, high=360.0)
+    bit_m: float = setting(30.0, "Measured depth of the bit at the start.", low=0.0, high=20000.0)
+    sensor_to_bit_m: float = setting(3.0, "Distance along the hole from the sonde to the bit.", low=0.0, high=100.0)
+    toolface_deg: float = setting(0.0, "Gravity toolface at the start.", low=-360.0, high=360.0)
 
     @property
     def hole(self) -> tuple[Array, Array, Array]:
@@ -80,7 +78,7 @@ class SimulatedUnit:
     grade: str = setting("mti3_calibrated", "Name of the instrument grade, which gives the errors of the unit.")
     changes: dict[str, Any] = setting({}, "Figures that replace those of the grade, structured as in the grade's file.")
     lever_mm: tuple[float, float, float] = setting(
-        (0.0, 0.0, 0.0), "Position of the unit in the tool: x down-hole, y, z.", unit="mm", low=-10000.0, high=10000.0
+        (0.0, 0.0, 0.0), "Position of the unit in the tool: x down-hole, y, z.", low=-10000.0, high=10000.0
     )
     output: str = setting(
         "integrated",
@@ -94,14 +92,14 @@ class SimulatedUnit:
 class Temperature:
     """Temperature of the sensors."""
 
-    surface_c: float = setting(20.0, "Temperature at the wellhead.", unit="degC", low=-60.0, high=80.0)
+    surface_c: float = setting(20.0, "Temperature at the wellhead.", low=-60.0, high=80.0)
     gradient_c_km: float = setting(
         30.0, "Rise of the rock temperature with vertical depth.", unit="degC/km", low=0.0, high=300.0
     )
     warm_up_c: float = setting(
-        0.0, "Rise of the temperature of the electronics after switch-on.", unit="degC", low=-100.0, high=150.0
+        0.0, "Rise of the temperature of the electronics after switch-on.", low=-100.0, high=150.0
     )
-    warm_up_s: float = setting(120.0, "Time constant of the rise after switch-on.", unit="s", low=1.0, high=1e5)
+    warm_up_s: float = setting(120.0, "Time constant of the rise after switch-on.", low=1.0, high=1e5)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,7 +107,7 @@ class ClockErrors:
     """Errors of the sonde's clock relative to the rig's."""
 
     drift_ppm: float = setting(
-        0.0, "Drift of the clock. A clock with a positive drift runs fast.", unit="ppm", low=-1000.0, high=1000.0
+        0.0, "Drift of the clock. A clock with a positive drift runs fast.", low=-1000.0, high=1000.0
     )
     jitter_us: float = setting(0.0, "Random error of each stamp, 1 sigma.", unit="us", low=0.0, high=1e5)
 
@@ -157,14 +155,11 @@ class Scenario:
         {}, "Parameters of the surface node, by name, that `mwd run` sets for the scenario."
     )
     telemetry: Telemetry | None = setting(None, "Telemetry link to the surface: tool configuration and channel.")
-    rate_hz: int = setting(
-        100, "Output rate of both units. Raising it costs computing time.", unit="Hz", low=1, high=10000
-    )
-    rig_hz: int = setting(5, "Output rate of the rig's gauges.", unit="Hz", low=1, high=100)
+    rate_hz: int = setting(100, "Output rate of both units. Raising it costs computing time.", low=1, high=10000)
+    rig_hz: int = setting(5, "Output rate of the rig's gauges.", low=1, high=100)
     kinematics_hz: int = setting(
         2000,
         "Rate at which the motion is computed. Raising it represents faster vibration and costs computing time.",
-        unit="Hz",
         low=100,
         high=32000,
     )

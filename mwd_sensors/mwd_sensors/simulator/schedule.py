@@ -37,7 +37,7 @@ class SchedulePhase:
         30.0, "Rate of penetration, or speed of a move (negative: upwards).", unit="m/h", low=-36000.0, high=36000.0
     )
     toolface_deg: float | None = setting(
-        None, "Toolface of a slide. Without it the toolface stays as it is.", unit="deg", low=-360.0, high=360.0
+        None, "Toolface of a slide. Without it the toolface stays as it is.", low=-360.0, high=360.0
     )
     vibration: float = setting(1.0, "Factor on all vibration while drilling or moving.", low=0.0, high=10.0)
     pumps: bool = setting(True, "True if the pumps run while the string stands still or moves.")
@@ -48,15 +48,15 @@ class SchedulePhase:
 class Rig:
     """Properties of the rig."""
 
-    ramp_s: float = setting(3.0, "Time in which rotation or feed changes to a new value.", unit="s", low=0.0, high=60.0)
-    pump_ramp_s: float = setting(2.0, "Time in which the pumps start or stop.", unit="s", low=0.1, high=120.0)
+    ramp_s: float = setting(3.0, "Time in which rotation or feed changes to a new value.", low=0.0, high=60.0)
+    pump_ramp_s: float = setting(2.0, "Time in which the pumps start or stop.", low=0.1, high=120.0)
     running_start: bool = setting(False, "True if the first phase is already under way at time zero.")
     pick_up_m: float = setting(
-        0.5, "Distance by which the bit is lifted off bottom before a connection.", unit="m", low=0.0, high=30.0
+        0.5, "Distance by which the bit is lifted off bottom before a connection.", low=0.0, high=30.0
     )
-    stand_m: float = setting(9.0, "Length of pipe that a connection adds.", unit="m", low=0.5, high=40.0)
-    flow_lpm: float = setting(1200.0, "Flow while drilling.", unit="l/min", low=0.0, high=6000.0)
-    pressure_bar: float = setting(110.0, "Standpipe pressure at the drilling flow.", unit="bar", low=0.0, high=600.0)
+    stand_m: float = setting(9.0, "Length of pipe that a connection adds.", low=0.5, high=40.0)
+    flow_lpm: float = setting(1200.0, "Flow while drilling.", low=0.0, high=6000.0)
+    pressure_bar: float = setting(110.0, "Standpipe pressure at the drilling flow.", low=0.0, high=600.0)
     time_lapse: float = setting(
         1.0,
         "Factor by which the bit advances faster than the rate of penetration, so that hours of drilling pass in "
@@ -64,53 +64,33 @@ class Rig:
         low=1.0,
         high=1000.0,
     )
-    string_kn: float = setting(450.0, "Hookload with the string hanging free.", unit="kN", low=1.0, high=5000.0)
-    block_kn: float = setting(60.0, "Hookload of the empty hook.", unit="kN", low=0.0, high=1000.0)
-    weight_on_bit_kn: float = setting(60.0, "Weight on bit while drilling.", unit="kN", low=0.0, high=1000.0)
+    string_kn: float = setting(450.0, "Hookload with the string hanging free.", low=1.0, high=5000.0)
+    block_kn: float = setting(60.0, "Hookload of the empty hook.", low=0.0, high=1000.0)
+    weight_on_bit_kn: float = setting(60.0, "Weight on bit while drilling.", low=0.0, high=1000.0)
     torque_knm: float = setting(8.0, "Torque while drilling with rotation.", unit="kN m", low=0.0, high=200.0)
-    bottom_block_m: float = setting(2.0, "Block height at a connection.", unit="m", low=0.0, high=50.0)
+    bottom_block_m: float = setting(2.0, "Block height at a connection.", low=0.0, high=50.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Timeline:
-    """
-    Schedule of a simulation as functions of time.
+    """Schedule of a simulation as functions of time."""
 
-    Attributes
-    ----------
-    bit : Profile
-        Measured depth of the bit, m.
-    angle : Profile
-        Angle of the string, rad, without vibration.
-    envelopes : tuple of Profile
-        One envelope for each name of `vibration.ENVELOPES`.
-    hole : Profile
-        Depth of the hole, that is the greatest bit depth so far, m.
-    block, hookload, weight, torque : Profile
-        Block position, m; hookload, N; weight on bit, N; torque, N m.
-    flow : callable
-        Flow, m^3/s, called like a `Profile`; a `CommandedFlow` if the pumps obey commands.
-    slips, activity : Profile
-        In slips, 0 or 1; activity, one of `STILL`, `SLIDING`, `ROTATING`, `TRIPPING`.
-    still : list of (float, float)
-        Intervals without any motion, s.
-    seconds : float
-        Length of the schedule, s.
-    """
-
-    bit: Profile
-    angle: Profile
-    envelopes: tuple[Profile, ...]
-    hole: Profile
+    bit: Profile  #: measured depth of the bit, m
+    angle: Profile  #: angle of the string, rad, without vibration
+    envelopes: tuple[Profile, ...]  #: one envelope for each name of `vibration.ENVELOPES`
+    hole: Profile  #: depth of the hole, that is the greatest bit depth so far, m
+    #: `block`, `hookload`, `weight`, `torque`: block position, m; hookload, N; weight on bit, N; torque, N m.
     block: Profile
     hookload: Profile
     weight: Profile
     torque: Profile
+    #: Flow, m^3/s, called like a `Profile`; a `CommandedFlow` if the pumps obey commands.
     flow: Callable[[Array], Array]
+    #: `slips`, `activity`: in slips, 0 or 1; activity, one of `STILL`, `SLIDING`, `ROTATING`, `TRIPPING`.
     slips: Profile
     activity: Profile
-    still: list[tuple[float, float]]
-    seconds: float
+    still: list[tuple[float, float]]  #: intervals without any motion, s
+    seconds: float  #: length of the schedule, s
 
     def active(self, when: str) -> list[tuple[float, float]]:
         """Return the intervals, s, in which the envelope `when`, a name of `ENVELOPES`, is constant and above 0.5."""
@@ -361,19 +341,10 @@ def _bursts(
 
 @dataclasses.dataclass(frozen=True)
 class Profile:
-    """
-    Piecewise polynomial of time.
+    """Piecewise polynomial of time."""
 
-    Attributes
-    ----------
-    starts : ndarray, shape (m,)
-        Start of each piece, s, ascending; the last piece has no end.
-    terms : ndarray, shape (m, 7)
-        Coefficients, in rising powers, of the time since the start of the piece.
-    """
-
-    starts: Array
-    terms: Array
+    starts: Array  #: shape (m,); start of each piece, s, ascending; the last piece has no end
+    terms: Array  #: shape (m, 7); coefficients, in rising powers, of the time since the start of the piece
 
     def __call__(self, t: Array) -> Array:
         """Return value, rate and acceleration, shape (3, n), at ascending times t, s, shape (n,)."""

@@ -21,7 +21,7 @@ class SerialChannel:
     bit_errors: float = setting(0.0, "Probability that a data bit arrives wrong.", low=0.0, high=0.5)
     lost_bytes: float = setting(0.0, "Probability that a byte is lost (overrun, framing error).", low=0.0, high=0.5)
     breaks_per_hour: float = setting(0.0, "Number of breaks of the line per hour.", low=0.0, high=1000.0)
-    break_s: float = setting(2.0, "Duration of a break.", unit="s", low=0.0, high=600.0)
+    break_s: float = setting(2.0, "Duration of a break.", low=0.0, high=600.0)
 
 
 class SerialStream:

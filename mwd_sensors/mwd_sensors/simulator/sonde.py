@@ -21,11 +21,11 @@ from mwd_sensors.simulator import faults, instrument, interference, motion, stee
 from mwd_sensors.simulator.battery import BatteryModel
 from mwd_sensors.simulator.gamma import GammaDetector
 from mwd_sensors.simulator.instrument_grade import grade
-from mwd_sensors.simulator.kinematics import EarthAtPlace, sensed
+from mwd_sensors.simulator.motion import EarthAtPlace, sensed
 from mwd_sensors.simulator.scenario import Scenario, SimulatedUnit, parse_date
 from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
-from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
+from mwd_sensors.simulator.vibration import draw_hits, draw_lines
 
 # Streams of random numbers. Append new streams and keep the order, so that old seeds give the same simulations.
 _STREAMS = (
@@ -65,25 +65,6 @@ class Sonde:
         Stamp of time zero; the default is the date of the scenario.
     starts_before : int
         Number of earlier starts of this tool. Each start has the same tool errors and motion, but other noise.
-
-    Attributes
-    ----------
-    reference : ReferenceField
-        Reference field for surveys at the place and date, or the scenario's override.
-    duration : float
-        Length of the simulation, s.
-    motion : SimulatedMotion
-        Exact motion of the sonde.
-    string : String or None
-        Top drive and string, if the scenario has steering.
-    gamma : GammaDetector or None
-        Detector of natural gamma, if the scenario has one.
-    battery : BatteryModel or None
-        Battery, if the scenario has one.
-    topics : dict of str to Layout
-        Topics of the blocks: `wire.SONDE_TOPICS`, the counts of the detector and the state of the tool.
-    link : TelemetryLink or None
-        Telemetry link to the surface, if the scenario has one.
     """
 
     def __init__(self, scenario: Scenario, epoch_ns: int | None = None, starts_before: int = 0) -> None:
@@ -96,9 +77,12 @@ class Sonde:
         start = parse_date(scenario.date)
         self.epoch_ns = epoch_ns if epoch_ns is not None else round(start.timestamp()) * wire.NANOSECONDS
         self._day_s = start.hour * 3600.0 + start.minute * 60.0 + start.second
+        #: Reference field for surveys at the place and date, or the scenario's override.
         self.reference = reference_of(scenario)
+        #: `motion`: exact motion of the sonde.
         self.motion, self._pumps = _motion(scenario, self._rng)
-        self.duration = self.motion.timeline.seconds
+        self.duration = self.motion.timeline.seconds  #: length of the simulation, s
+        #: Top drive and string, if the scenario has steering.
         self.string = (
             steering.String(
                 scenario.steering,
@@ -114,6 +98,7 @@ class Sonde:
         self._place = EarthAtPlace(
             earth.earth_rate_n(latitude), self.reference.gravity, earth.gravity_gradient(latitude)
         )
+        #: Telemetry link to the surface, if the scenario has one.
         self.link = (
             TelemetryLink(
                 scenario.telemetry,
@@ -143,9 +128,12 @@ class Sonde:
         self.magnetometer = instrument.magnetometer_triad(self.ahrs.grade.magnetometer, self._rng["mag_draw"])
         self._temperature_error = self.ahrs.grade.temperature_c * float(self._rng["temperature"].standard_normal())
         item = scenario.gamma
+        #: Detector of natural gamma, if the scenario has one.
         self.gamma = None if item is None else GammaDetector(item, self.motion.path, self._rng["gamma"])
         cells = scenario.battery
+        #: Battery, if the scenario has one.
         self.battery = None if cells is None else BatteryModel(cells, self._rng["battery"])
+        #: Topics of the blocks: `wire.SONDE_TOPICS`, the counts of the detector and the state of the tool.
         self.topics = dict(wire.SONDE_TOPICS)
         if self.gamma is not None:
             self.topics[wire.GAMMA_TOPIC] = wire.COUNTS
@@ -468,29 +456,20 @@ def _motion(
 
 
 class TrueInputs(NamedTuple):
-    """
-    True motion and sensor inputs of n kinematic samples.
-
-    Attributes
-    ----------
-    mat_nt, rate_t, position_n, velocity_n, md : ndarray
-        Fields as in `Kinematics`.
-    rate_it : ndarray, shape (n, 3)
-        Rotation relative to inertial space, rad/s.
-    f_t, precision_f_t : ndarray, shape (n, 3)
-        Specific force at the conventional unit and at the precision unit, m/s^2; shape (0, 3) without a precision unit.
-    drive : ndarray, shape (n, 2)
-        Speed, rad/s, and torque, N m, of a top drive that obeys commands; shape (n, 0) without such a top drive.
-    """
+    """True motion and sensor inputs of n kinematic samples; fields without a description are as in `Kinematics`."""
 
     mat_nt: Array
     rate_t: Array
-    rate_it: Array
+    rate_it: Array  #: shape (n, 3); rotation relative to inertial space, rad/s
     position_n: Array
     velocity_n: Array
     md: Array
+    #: `f_t`, `precision_f_t`: shape (n, 3); specific force at the conventional unit and at the precision unit, m/s^2;
+    #: shape (0, 3) without a precision unit.
     f_t: Array
     precision_f_t: Array
+    #: Shape (n, 2); speed, rad/s, and torque, N m, of a top drive that obeys commands; shape (n, 0) without such a top
+    #: drive.
     drive: Array
 
 

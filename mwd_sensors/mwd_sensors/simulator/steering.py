@@ -39,33 +39,21 @@ _LEAST_SLIDE = 1e-5
 
 
 class State:
-    """
-    State of top drive and string, and the command in force.
+    """State of top drive and string, and the command in force."""
 
-    Attributes
-    ----------
-    drive, drive_rate, end, end_rate : float
-        Angle, rad, and speed, rad/s, of the top drive and of the lower end of the string.
-    mode : int
-        Mode of the command in force; _SCHEDULE before the first command.
-    speed, target, left : float
-        Commanded speed, rad/s, and angle, rad; remaining validity of the command, s.
-    then : int
-        Mode after the validity has ended: HOLD or RELEASE.
-    limit : float
-        Largest torque of the top drive while it turns on command, N m.
-    """
-
+    #: `drive`, `drive_rate`, `end`, `end_rate`: angle, rad, and speed, rad/s, of the top drive and of the lower end of
+    #: the string.
     drive: float
     drive_rate: float
     end: float
     end_rate: float
-    mode: int
+    mode: int  #: mode of the command in force; _SCHEDULE before the first command
+    #: `speed`, `target`, `left`: commanded speed, rad/s, and angle, rad; remaining validity of the command, s.
     speed: float
     target: float
     left: float
-    then: int
-    limit: float
+    then: int  #: mode after the validity has ended: HOLD or RELEASE
+    limit: float  #: largest torque of the top drive while it turns on command, N m
 
 
 _STATE = dtype_of(State)
@@ -109,39 +97,30 @@ class Steering:
         23.0, "Torsional damping between top drive and lower end.", unit="N m s/rad", low=0.0, high=1e4
     )
     static_nm: float = setting(
-        2200.0,
-        "Friction torque at the wall at standstill. Raising it makes the string stick more.",
-        unit="N m",
-        low=0.0,
-        high=1e5,
+        2200.0, "Friction torque at the wall at standstill. Raising it makes the string stick more.", low=0.0, high=1e5
     )
-    kinetic_nm: float = setting(1000.0, "Friction torque at the wall at high speed.", unit="N m", low=0.0, high=1e5)
+    kinetic_nm: float = setting(1000.0, "Friction torque at the wall at high speed.", low=0.0, high=1e5)
     decay_rpm: float = setting(
         48.0,
         "Speed over which the friction torque falls from its value at standstill to that at high speed.",
-        unit="r/min",
         low=0.1,
         high=500.0,
     )
-    pipe_radius_m: float = setting(0.1, "Radius of the pipe where it touches the wall.", unit="m", low=0.01, high=1.0)
-    motor_nm: float = setting(
-        800.0, "Reactive torque of the motor at the drilling weight.", unit="N m", low=0.0, high=1e5
-    )
+    pipe_radius_m: float = setting(0.1, "Radius of the pipe where it touches the wall.", low=0.01, high=1.0)
+    motor_nm: float = setting(800.0, "Reactive torque of the motor at the drilling weight.", low=0.0, high=1e5)
     motor_unsteady: float = setting(
         0.1, "Root mean square of the variation of the reactive torque.", unit="of the torque", low=0.0, high=1.0
     )
     motor_band_hz: tuple[float, float] = setting(
-        (0.02, 0.3), "Lowest and highest frequency of this variation.", unit="Hz", low=0.001, high=20.0
+        (0.02, 0.3), "Lowest and highest frequency of this variation.", low=0.001, high=20.0
     )
-    most_rpm: float = setting(200.0, "Highest speed of the top drive.", unit="r/min", low=1.0, high=600.0)
-    orient_rpm: float = setting(
-        10.0, "Highest speed while the top drive turns to an angle.", unit="r/min", low=0.1, high=60.0
-    )
+    most_rpm: float = setting(200.0, "Highest speed of the top drive.", low=1.0, high=600.0)
+    orient_rpm: float = setting(10.0, "Highest speed while the top drive turns to an angle.", low=0.1, high=60.0)
     ramp_rpm_s: float = setting(
         20.0, "Change of the top drive's speed per second.", unit="r/min/s", low=0.1, high=1000.0
     )
-    most_nm: float = setting(50000.0, "Largest torque that a command may set.", unit="N m", low=100.0, high=2e5)
-    most_turn_deg: float = setting(720.0, "Largest turn in one command.", unit="deg", low=1.0, high=36000.0)
+    most_nm: float = setting(50000.0, "Largest torque that a command may set.", low=100.0, high=2e5)
+    most_turn_deg: float = setting(720.0, "Largest turn in one command.", low=1.0, high=36000.0)
 
     def __post_init__(self) -> None:
         """Raise ValueError if friction rises with speed, or the band of the motor's torque has no width."""

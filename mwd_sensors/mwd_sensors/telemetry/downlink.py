@@ -165,13 +165,7 @@ def decode(data: tuple[int, ...], downlink: Downlink) -> DownlinkFrame | None:
 
 @dataclasses.dataclass(frozen=True)
 class DownlinkProgramme:
-    """
-    Set-points of a command as a function of time.
-
-    Attributes
-    ----------
-    symbols : tuple of Symbol
-    """
+    """Set-points of a command as a function of time."""
 
     symbols: tuple[Symbol, ...]
 

@@ -28,26 +28,15 @@ class Group(NamedTuple):
 
 
 class GroupSignal(NamedTuple):
-    """
-    Signal of a group of words; times are by the clock of the tool.
+    """Signal of a group of words; times are by the clock of the tool."""
 
-    Attributes
-    ----------
-    duration_s, period_s : float
-        Duration of the signal, and shortest time from its start to the start of the next signal.
-    edges_s : tuple of float
-        For pulses: start of each pulse relative to the start of the signal, s.
-    phases : tuple of float
-        For a carrier: phase of each symbol, rad, 0 to 2 pi.
-    octets : bytes
-        For a serial line: bytes of the frame or of the line of text.
-    """
-
+    #: `duration_s`, `period_s`: duration of the signal, and shortest time from its start to the start of the next
+    #: signal.
     duration_s: float
     period_s: float
-    edges_s: tuple[float, ...] = ()
-    phases: tuple[float, ...] = ()
-    octets: bytes = b""
+    edges_s: tuple[float, ...] = ()  #: for pulses: start of each pulse relative to the start of the signal, s
+    phases: tuple[float, ...] = ()  #: for a carrier: phase of each symbol, rad, 0 to 2 pi
+    octets: bytes = b""  #: for a serial line: bytes of the frame or of the line of text
 
 
 def groups(tool: ToolConfiguration, kind: str, number: int) -> tuple[Group, ...]:

@@ -19,26 +19,14 @@ _SEQUENCE, _PULSE_WIDTH, _CARRIER, _TOOLFACE_RATE, _SURVEY_NOW, _MUTE = range(le
 
 
 class ToolSettings(NamedTuple):
-    """
-    Settings that downlink commands change.
+    """Settings that downlink commands change."""
 
-    Attributes
-    ----------
-    sequence : int
-        Number of the survey and toolface sequence.
-    pulse_width, carrier : int
-        Index in the tables of the downlink; -1 keeps the value of the tool configuration.
-    toolface_rate : int
-        Number of times that each toolface word of a sequence is measured and sent in a row.
-    mute : bool
-        True if the tool is silent from the end of the next survey to the next flow-on or command.
-    """
-
-    sequence: int = 0
+    sequence: int = 0  #: number of the survey and toolface sequence
+    #: `pulse_width`, `carrier`: index in the tables of the downlink; -1 keeps the value of the tool configuration.
     pulse_width: int = -1
     carrier: int = -1
-    toolface_rate: int = 1
-    mute: bool = False
+    toolface_rate: int = 1  #: number of times that each toolface word of a sequence is measured and sent in a row
+    mute: bool = False  #: True if the tool is silent from the end of the next survey to the next flow-on or command
 
     def after(self, frame: DownlinkFrame) -> ToolSettings:
         """Return the settings after a command; every command except `mute` ends the silence of an earlier `mute`."""

@@ -15,7 +15,7 @@ from rclpy.event_handler import PublisherEventCallbacks
 from sensor_msgs.msg import Imu
 
 from mwd_sensors.ros import qos
-from mwd_sensors.ros.topic_publisher import RCLError, TopicPublisher
+from mwd_sensors.ros.refused_entity import RCLError, TopicPublisher
 
 
 class Writer(contextlib.nullcontext):

@@ -9,9 +9,9 @@ import pytest
 
 from mwd_sensors.simulator.carrier_tool import transmit
 from mwd_sensors.simulator.coil_channel import RATE_HZ, CoilChannel, CoilVoltage, coil_run
-from mwd_sensors.simulator.link_channels import CoilLink, OnAir
 from mwd_sensors.simulator.scenario import parse
 from mwd_sensors.simulator.sonde import Sonde
+from mwd_sensors.simulator.telemetry_link import CoilLink, OnAir
 from mwd_sensors.telemetry.carrier import Coil
 from mwd_sensors.telemetry.tool_configuration import from_mapping
 

@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 
 from mwd_sensors.simulator.carrier_tool import transmit
-from mwd_sensors.simulator.earth_channel import EarthChannel, EarthNoise, EarthVoltage, earth_run
-from mwd_sensors.simulator.earth_line import Ground, propagation, response
+from mwd_sensors.simulator.earth_channel import (
+    EarthChannel,
+    EarthNoise,
+    EarthVoltage,
+    Ground,
+    earth_run,
+    propagation,
+    response,
+)
 from mwd_sensors.telemetry.tool_configuration import from_mapping
 
 # dB/km at 2, 5, 10 Hz by resistivity, ohm m: an independent computation of the leaky line.

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from mwd_sensors.core import frames
-from mwd_sensors.simulator import kinematics, motion
+from mwd_sensors.simulator import motion
 from mwd_sensors.simulator.schedule import Rig, SchedulePhase, timeline
 from mwd_sensors.simulator.vibration import (
     Hunting,
@@ -20,8 +20,9 @@ from mwd_sensors.simulator.vibration import (
     Tone,
     Vibrations,
     Whirl,
+    draw_hits,
+    draw_lines,
 )
-from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
 
 EVERYTHING = Vibrations(
     random=(RandomVibration((8.0, 60.0), (5.0, 10.0, 10.0), (20.0, 5.0, 5.0)),),
@@ -132,7 +133,7 @@ def test_a_lever_arm_feels_the_centripetal_acceleration():
     k = moved(Vibrations(), phases, Rig(running_start=True), ((0.0, 90.0, 0.0),)).at(2000, 400, 2000.0)
     measured, rates = np.empty((400, 3)), np.empty((400, 3))
     lever = np.array([0.0, 0.05, 0.0])
-    kinematics.sensed(k, lever, kinematics.EarthAtPlace(np.zeros(3), 9.8, 0.0), rates, measured)
+    motion.sensed(k, lever, motion.EarthAtPlace(np.zeros(3), 9.8, 0.0), rates, measured)
     omega = 180.0 * 2.0 * np.pi / 60.0
     expected = np.array([0.0, -(omega**2) * 0.05, 0.0]) - 9.8 * k.mat_nt[:, 2, :]
     assert_allclose(measured, expected, atol=1e-9)

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import signal
 
-from mwd_sensors.simulator import vibration, vibration_sources
+from mwd_sensors.simulator import vibration
 from mwd_sensors.simulator.vibration import Hunting, RandomVibration, Shocks, StickSlip, Sweep, Tone, Vibrations, Whirl
 
 RATE = 2000.0
@@ -20,9 +20,9 @@ def shaken(vibrations, seconds=60.0, start=0.0, level=1.0, seed=1):
     n = round(seconds * RATE)
     envelopes = np.zeros((len(vibration.ENVELOPES), 3, n))
     envelopes[:, 0] = level
-    out = np.zeros((vibration_sources.CHANNELS, 3, n))
-    drawn = vibration_sources.draw_lines(vibrations, np.random.default_rng(seed))
-    vibration_sources.add_lines(drawn, envelopes, start, 1.0 / RATE, out)
+    out = np.zeros((vibration.CHANNELS, 3, n))
+    drawn = vibration.draw_lines(vibrations, np.random.default_rng(seed))
+    vibration.add_lines(drawn, envelopes, start, 1.0 / RATE, out)
     return out
 
 
@@ -53,10 +53,10 @@ def test_velocity_and_acceleration_are_derivatives_of_the_displacement_under_a_c
     envelopes = np.zeros((len(vibration.ENVELOPES), 3, n))
     envelopes[:] = [t**2, 2.0 * t, np.full(n, 2.0)]
     out = np.zeros((6, 3, n))
-    drawn = vibration_sources.draw_lines(
+    drawn = vibration.draw_lines(
         Vibrations(random=(RandomVibration((5.0, 50.0), (1.0, 1.0, 1.0), (9.0, 9.0, 9.0)),)), np.random.default_rng(2)
     )
-    vibration_sources.add_lines(drawn, envelopes, 0.0, dt, out)
+    vibration.add_lines(drawn, envelopes, 0.0, dt, out)
     assert_allclose(np.gradient(out[:, 0], dt, axis=1)[:, 1:-1], out[:, 1, 1:-1], atol=1e-4)
     assert_allclose(np.gradient(out[:, 1], dt, axis=1)[:, 1:-1], out[:, 2, 1:-1], atol=5e-3)
 
@@ -92,10 +92,10 @@ def test_tones_have_their_amplitude_and_hunting_its_angle():
 def test_a_sweep_goes_up_and_down_with_constant_acceleration():
     sweep = Sweep(10.0, 150.0, 332.0, (0.0, 0.0, 50.0))
     amplitude, power, phase = np.array([0, 0, 50.0, 0, 0, 0]), np.full(6, 2.0), np.zeros(6)
-    lines = vibration_sources.SweepLines(sweep.low_hz, sweep.high_hz, sweep.period_s, amplitude, power, phase)
+    lines = vibration.SweepLines(sweep.low_hz, sweep.high_hz, sweep.period_s, amplitude, power, phase)
     for start, expected in ((0.0, 10.0), (83.0, 80.0), (165.5, 150.0), (249.0, 80.0), (331.0, 10.0)):
         out = np.zeros((6, 3, 2000))
-        vibration_sources.add_sweep(lines, start, 1.0 / RATE, out)
+        vibration.add_sweep(lines, start, 1.0 / RATE, out)
         assert np.abs(out[2, 2]).max() == pytest.approx(50.0, rel=0.01)
         crossings = np.count_nonzero(np.diff(np.signbit(out[2, 2])))
         assert crossings / 2 == pytest.approx(expected, abs=1.2)
@@ -103,7 +103,7 @@ def test_a_sweep_goes_up_and_down_with_constant_acceleration():
 
 def test_shocks_are_drawn_only_inside_their_intervals_with_the_asked_sizes():
     shocks, intervals = (Shocks(2.0, (50.0, 100.0), (0.5, 4.0), 15.0),), {"drilling": [(10.0, 70.0)]}
-    drawn = vibration_sources.draw_hits(shocks, intervals, np.random.default_rng(1))
+    drawn = vibration.draw_hits(shocks, intervals, np.random.default_rng(1))
     assert 90 < len(drawn.time) < 130
     assert ((drawn.time > 10.0) & (drawn.time < 70.0)).all()
     assert ((drawn.peak / 9.80665 > 50.0) & (drawn.peak / 9.80665 < 100.0)).all()

@@ -230,10 +230,8 @@ def simulate(
     """
     from mwd_sensors.simulator import carrier_tool, pulse_tool, serial_channel
     from mwd_sensors.simulator.coil_channel import CoilChannel, coil_run
-    from mwd_sensors.simulator.earth_channel import EarthChannel, earth_run
-    from mwd_sensors.simulator.earth_line import Ground
-    from mwd_sensors.simulator.mud_channel import MudChannel
-    from mwd_sensors.simulator.mud_line import WellGeometry
+    from mwd_sensors.simulator.earth_channel import EarthChannel, Ground, earth_run
+    from mwd_sensors.simulator.mud_channel import MudChannel, WellGeometry
     from mwd_sensors.telemetry import tool_configuration
 
     read = tool_configuration.read(configuration)

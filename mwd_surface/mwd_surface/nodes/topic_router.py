@@ -22,8 +22,7 @@ from rclpy.serialization import serialize_message
 from mwd_sensors.ros.diagnostics import WARN, Diagnostic
 from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.qos import STATE, buffered
-from mwd_sensors.ros.refused_entity import RefusedEntityError
-from mwd_sensors.ros.topic_publisher import TopicPublisher
+from mwd_sensors.ros.refused_entity import RefusedEntityError, TopicPublisher
 from mwd_surface.bags.definitions import installed
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_well import LiveWell

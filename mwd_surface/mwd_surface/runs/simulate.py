@@ -15,10 +15,9 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import gauge_burst, wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import changed
-from mwd_sensors.simulator.link_channels import Heard, OnAir
 from mwd_sensors.simulator.scenario import Scenario
 from mwd_sensors.simulator.sonde import Sonde
-from mwd_sensors.simulator.telemetry_link import TelemetryLink
+from mwd_sensors.simulator.telemetry_link import Heard, OnAir, TelemetryLink
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.bags.bag_metadata import qos_profile
 from mwd_surface.bags.bag_writer import BagWriter

@@ -13,7 +13,7 @@ import numpy as np
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.magnetic import interference_state
+from mwd_estimation.magnetic import interference_filter
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import GRAVITY_SPREAD, STANDARD_GRAVITY
 
@@ -23,7 +23,7 @@ SENSORS = 12
 
 # 1 sigma of the prior of the axial interference, as a multiple of `SensorErrors.axial_interference_nt`. The filter of
 # the magnetic samples has the same prior (`InterferenceParams`).
-_AXIAL = interference_state.InterferenceParams().axial / (SensorErrors.axial_interference_nt * 1e-9)
+_AXIAL = interference_filter.InterferenceParams().axial / (SensorErrors.axial_interference_nt * 1e-9)
 # Cross-axial bias from a hot spot in the collar, in addition to the sensors' own bias, 1 sigma, nT.
 _CROSS_AXIAL = 150.0
 # Noise of a station's mean field, T, and mean specific force, m/s^2, per axis, 1 sigma.

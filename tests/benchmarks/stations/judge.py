@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
+from mwd_estimation.attitude.gyro_azimuth_filter import PropagatedAzimuth
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.gyrocompass.solution import Solution

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
+from mwd_estimation.attitude.gyro_azimuth_filter import PropagatedAzimuth
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array

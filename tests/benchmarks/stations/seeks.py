@@ -13,7 +13,7 @@ from north_signals import measured, motion
 
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.time_bins import Bin
-from mwd_estimation.gyrocompass.seek_params import TACTICAL
+from mwd_estimation.gyrocompass.seek_state import TACTICAL
 from mwd_estimation.gyrocompass.station import GyroStation
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY

@@ -10,8 +10,7 @@ from carrier_runs import RATE_HZ, block_errors, decoded, tool_of, white
 
 import telemetry_limits as limits
 from mwd_sensors.simulator.carrier_tool import siren_run, transmit
-from mwd_sensors.simulator.mud_channel import MudChannel, Pump
-from mwd_sensors.simulator.mud_line import WellGeometry
+from mwd_sensors.simulator.mud_channel import MudChannel, Pump, WellGeometry
 from mwd_sensors.telemetry.tool_configuration import starting
 from mwd_surface.receiver.carrier.carrier_receiver import CarrierReceiver
 

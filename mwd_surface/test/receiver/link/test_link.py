@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.simulator import carrier_tool
-from mwd_sensors.simulator.mud_channel import MudChannel
-from mwd_sensors.simulator.mud_line import WellGeometry
+from mwd_sensors.simulator.mud_channel import MudChannel, WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.downlink import Downlink
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting

@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.simulator import serial_channel
-from mwd_sensors.simulator.mud_channel import MudChannel, Pump
-from mwd_sensors.simulator.mud_line import WellGeometry
+from mwd_sensors.simulator.mud_channel import MudChannel, Pump, WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
 from mwd_surface.receiver.link.link import NO_FLOW, SEARCHING, LinkOutput

@@ -6,8 +6,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mwd_sensors.simulator.mud_channel import MudChannel
-from mwd_sensors.simulator.mud_line import WellGeometry
+from mwd_sensors.simulator.mud_channel import MudChannel, WellGeometry
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.link.other_width import OtherWidth, other_widths, sent_tool, sent_width

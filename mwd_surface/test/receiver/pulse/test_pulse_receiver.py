@@ -9,8 +9,7 @@ from link_runs import TOOLS, pairs, reception, simulated, white
 from scipy import stats
 
 import telemetry_limits as limits
-from mwd_sensors.simulator.mud_channel import MudChannel, PressureNoise
-from mwd_sensors.simulator.mud_line import WellGeometry
+from mwd_sensors.simulator.mud_channel import MudChannel, PressureNoise, WellGeometry
 from mwd_sensors.simulator.pulse_tool import SentTransmission, link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import Sync, encode
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver, decode

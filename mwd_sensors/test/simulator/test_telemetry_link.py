@@ -8,8 +8,8 @@ import pytest
 
 from mwd_sensors.simulator.carrier_tool import CarrierSent, CarrierSpan, CarrierStream
 from mwd_sensors.simulator.earth_channel import EarthChannel, EarthNoise
-from mwd_sensors.simulator.link_channels import EarthLink, OnAir, WireLink
 from mwd_sensors.simulator.serial_channel import SerialChannel, SerialStream
+from mwd_sensors.simulator.telemetry_link import EarthLink, OnAir, WireLink
 
 QUIET = EarthChannel(noise=EarthNoise(0.0, 0.0, 0.0, 50.0, 0.0, switching_per_hour=0.0))
 SYMBOLS = np.exp(0.5j * math.pi * np.arange(40))
