@@ -33,10 +33,9 @@ from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import check_regular, open_regular
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_metadata import BagMetadata, MetadataError
-from mwd_surface.bags.mcap.compression import Decompressor
 from mwd_surface.bags.mcap.contents import Contents
 from mwd_surface.bags.mcap.reader import McapFile
-from mwd_surface.bags.mcap.records import MAGIC, FormatError
+from mwd_surface.bags.mcap.records import MAGIC, Decompressor, FormatError
 from mwd_surface.bags.mcap.walk import walk_records
 from mwd_surface.bags.ros1_bag import Ros1Bag
 from mwd_surface.bags.topic_info import CDR, PACKED, REMEDY, ROS1, TopicInfo, cdr_problem, listed, read_as

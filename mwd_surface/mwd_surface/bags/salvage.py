@@ -19,7 +19,7 @@ from mwd_surface.bags.bag_metadata import FILE_NAME
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.mcap import recovery
-from mwd_surface.bags.mcap.recovery_report import RecoveryReport
+from mwd_surface.bags.mcap.recovery import RecoveryReport
 from mwd_surface.bags.topic_info import TopicInfo
 
 # Rows read from a damaged database at once; number of consecutive empty reads that end the search.

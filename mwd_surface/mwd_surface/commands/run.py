@@ -109,7 +109,7 @@ def run(
     """
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
-    from mwd_surface.bags.recorder.folder import recordings_named
+    from mwd_surface.bags.recorder.recorder import recordings_named
     from mwd_surface.commands import node, terminal
     from mwd_surface.runs import launch_plan
 

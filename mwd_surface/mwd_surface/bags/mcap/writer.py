@@ -39,7 +39,6 @@ from mcap.records import (
 from numpy.typing import NDArray
 
 from mwd_surface import __version__
-from mwd_surface.bags.mcap.compression import Compressor
 from mwd_surface.bags.mcap.records import (
     INDEX_ENTRY,
     MAGIC,
@@ -48,6 +47,7 @@ from mwd_surface.bags.mcap.records import (
     MESSAGE_RECORD_HEAD,
     RECORD_HEAD,
     ChunkHead,
+    Compressor,
 )
 
 LIBRARY = f"mwd_surface {__version__}"
