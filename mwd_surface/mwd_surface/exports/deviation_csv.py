@@ -7,7 +7,7 @@ import math
 
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.signals import cells
-from mwd_surface.surveys.deviation import is_ahead
+from mwd_surface.surveys.mine_hole import is_ahead
 from mwd_surface.trajectory.well_path import PROJECTED
 
 _LENGTHS = {

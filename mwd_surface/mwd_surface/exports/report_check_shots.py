@@ -9,7 +9,7 @@ from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Section, 
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.signals.cells import fixed
 from mwd_surface.surveys import check_shots
-from mwd_surface.surveys.repeated_surveys import bias_text, shots_of, tools_text
+from mwd_surface.surveys.check_shots import bias_text, shots_of, tools_text
 
 _COLUMNS = (
     ("MD", "m"),

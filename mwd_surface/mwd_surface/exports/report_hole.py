@@ -9,10 +9,8 @@ from mwd_surface.exports.report_section import DOUBTFUL as DOUBTFUL_TINT
 from mwd_surface.exports.report_section import GOOD, REJECT, Section, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.signals.cells import fixed, typed
-from mwd_surface.surveys.branches import branches
-from mwd_surface.surveys.closure import CONSISTENT, DOUBTFUL, INCONSISTENT
-from mwd_surface.surveys.deviation import is_ahead
 from mwd_surface.surveys.leg import MAIN
+from mwd_surface.surveys.mine_hole import CONSISTENT, DOUBTFUL, INCONSISTENT, branches, is_ahead
 from mwd_surface.trajectory.well_path import PROJECTED
 
 _DEG = 180.0 / math.pi

@@ -26,10 +26,9 @@ from mwd_surface.signals.cells import Typed, fixed, plain, typed, utc
 from mwd_surface.signals.signal import AS_STORED, SURVEY, Display, Listed, Signal
 from mwd_surface.signals.table import LISTED
 from mwd_surface.signals.units import METRIC, UNITS
-from mwd_surface.surveys.closure import Closure, closure
-from mwd_surface.surveys.deviation import Deviation, deviations
 from mwd_surface.surveys.imported_list import TOOL_CODES
 from mwd_surface.surveys.leg import MAIN
+from mwd_surface.surveys.mine_hole import Closure, Deviation, closure, deviations
 from mwd_surface.surveys.survey_csv import beside_path
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord

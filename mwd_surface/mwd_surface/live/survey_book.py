@@ -19,8 +19,8 @@ from mwd_surface.live.well_context import WellContext
 from mwd_surface.logs.depth_log import STEP_M, DepthLog
 from mwd_surface.logs.log_journal import LogJournal
 from mwd_surface.logs.tool_health import HealthLedger
-from mwd_surface.surveys.branches import branches
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
+from mwd_surface.surveys.mine_hole import branches
 from mwd_surface.surveys.station_checks import moved, revision_doubt, revision_flags, revision_sentence, withdrawal
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord

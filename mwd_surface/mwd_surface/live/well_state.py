@@ -31,9 +31,7 @@ from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY, ToolfaceMode
 from mwd_surface.logs.depth_log import Curve, Newest
 from mwd_surface.logs.tool_health import ToolHealth
-from mwd_surface.surveys.branches import Branch
-from mwd_surface.surveys.closure import Closure
-from mwd_surface.surveys.deviation import Deviation
+from mwd_surface.surveys.mine_hole import Branch, Closure, Deviation
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice
