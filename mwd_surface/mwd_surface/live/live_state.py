@@ -22,10 +22,9 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import NANOSECONDS, RIG_VALID
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.live.inputs import SONDE
-from mwd_surface.live.latest_values import Freshness, LatestValues, LiveValue, Quantity, StreamState
+from mwd_surface.live.latest_values import Freshness, LatestValues, LiveValue, Quantity, StreamState, StripHistory
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.strip_history import StripHistory
 from mwd_surface.live.toolface import ToolfaceReading, ToolfaceSelector
 from mwd_surface.live.well_state import (
     Advisory,

@@ -25,9 +25,8 @@ from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.list_files.remark import Remark
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.inputs import InputTable
-from mwd_surface.live.latest_values import NO_VALUE, Freshness, LiveValue, StreamState
+from mwd_surface.live.latest_values import NO_VALUE, Freshness, LiveValue, Row, StreamState
 from mwd_surface.live.link_state import LinkStatus
-from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY, ToolfaceMode
 from mwd_surface.logs.depth_log import Curve, Newest
 from mwd_surface.logs.tool_health import ToolHealth
