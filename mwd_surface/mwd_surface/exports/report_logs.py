@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _HOUR_S = 3600.0
-# Share of the tool's life, used by one exposure, from which the share is highlighted; as in `live.health_alarms`.
+# Share of the tool's life, used by one exposure, from which the share is highlighted; as in `live.log_monitor`.
 _WARNING = 0.8
 # Title of the axis of each channel, in the order of the depth tracks.
 _TRACKS = {

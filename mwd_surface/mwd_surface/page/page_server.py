@@ -132,7 +132,7 @@ class PageServer:
         `on_command(name, arguments) -> (ok, message)`, called one at a time in a thread of the server. Commands that
         deny or abort use a second thread. Arguments are checked against `COMMANDS`. None, or an empty token: read-only.
     token : str
-        Secret that commands need (`access.read_token`).
+        Secret that commands need (`commands.read_token`).
     clock : callable
         Steady time, s.
     page : Path

@@ -28,16 +28,20 @@ from mwd_surface.rig.interface import (
     OnRigState,
     RigInterface,
 )
-from mwd_surface.rig.modbus.serial_line import ModbusSerial
-from mwd_surface.rig.modbus.server import ModbusServer
-from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
+from mwd_surface.rig.modbus.server import ModbusSerial, ModbusSerialSettings, ModbusServer, ModbusSettings
+from mwd_surface.rig.opcua.access import OpcuaSettings
 from mwd_surface.rig.opcua.server import OpcuaServer
-from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.polled.unit import PolledSettings, PolledUnit
 from mwd_surface.rig.values import RigValues, silenced
-from mwd_surface.rig.wits.client import Wits0Client, Wits0ClientSettings, Wits0Serial, Wits0SerialSettings
+from mwd_surface.rig.wits.connections import (
+    Wits0Client,
+    Wits0ClientSettings,
+    Wits0Serial,
+    Wits0SerialSettings,
+    Wits0Server,
+    Wits0ServerSettings,
+)
 from mwd_surface.rig.wits.link import Wits0Settings
-from mwd_surface.rig.wits.server import Wits0Server, Wits0ServerSettings
 from mwd_surface.rig.witsml.store import WitsmlStore, WitsmlStoreSettings
 
 _LOOK = 0.5  # time between checks for new values and for interfaces that ended, s

@@ -159,7 +159,7 @@ mwd_surface.__path__.insert(0, sys.argv[1])
 import example_rig, example_surveys
 from mwd_surface.exports import export_csv, export_las, survey_table, time_series
 from mwd_surface.page.state_json import StateJson
-from mwd_surface.rig.blackboard.manifest import manifest
+from mwd_surface.rig.blackboard.client import manifest
 from mwd_surface.rig.modbus import map as registers
 from mwd_surface.rig.opcua.address_space import variable_values
 from mwd_surface.rig.wits.records import RECORD_1, RecordWriter, Wits0Format
