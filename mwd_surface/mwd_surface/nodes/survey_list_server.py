@@ -34,8 +34,7 @@ from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages
-from mwd_surface.ros.context import SurfaceContext
-from mwd_surface.ros.worker import Answer
+from mwd_surface.ros.context import Answer, SurfaceContext
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.message_conversion import list_message, trajectory_message

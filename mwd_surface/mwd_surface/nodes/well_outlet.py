@@ -24,8 +24,8 @@ from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.toolface import ToolfaceReading
 from mwd_surface.live.well_context import WellOutlet
 from mwd_surface.nodes.survey_list_server import SurveyListServer
+from mwd_surface.ros.context import BackgroundWorker
 from mwd_surface.ros.topics import TOPICS
-from mwd_surface.ros.worker import BackgroundWorker
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.trajectory.advice import Advice
