@@ -52,18 +52,12 @@ _LONGEST_STEP = 0.2
 
 @dataclasses.dataclass
 class _DriveChannel:
-    """
-    State of the top drive or of the pumps.
+    """State of the top drive or of the pumps."""
 
-    point: set-point in force; None: the driller has control.
-    lapses: end of its validity, steady time, s.
-    set: counter of set-points.
-    key, number, sent_at: content of the last command sent to the rig, its number, and its time, s.
-    """
-
-    point: SetPoint | None = None
-    lapses: float = math.inf
-    set: int = 0
+    point: SetPoint | None = None  #: set-point in force; None: the driller has control
+    lapses: float = math.inf  #: end of its validity, steady time, s
+    set: int = 0  #: counter of set-points
+    #: `key`, `number`, `sent_at`: content of the last command sent to the rig, its number, and its time, s.
     key: tuple[int, float] = (0, 0.0)
     number: int = 0
     sent_at: float = -math.inf

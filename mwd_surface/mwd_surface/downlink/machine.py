@@ -41,32 +41,18 @@ _POWER = 1.75
 
 
 class InterlockReadings(NamedTuple):
-    """
-    Present readings at the surface; None means unknown.
+    """Present readings at the surface; None means unknown."""
 
-    Attributes
-    ----------
-    rig_age_s : float
-        Age of the rig's data.
-    flow, rotary_speed, pressure : float or None
-        Flow, m^3/s; speed of the top drive, rad/s; standpipe pressure, Pa.
-    link_locked : bool
-        Whether words arrive over the link.
-    link_age_s : float
-        Age of the state of the link.
-    no_control : str
-        Reason why the rig does not accept set-points; empty if it accepts them.
-    """
-
-    rig_age_s: float = math.inf
+    rig_age_s: float = math.inf  #: age of the rig's data
+    #: `flow`, `rotary_speed`, `pressure`: flow, m^3/s; speed of the top drive, rad/s; standpipe pressure, Pa.
     flow: float | None = None
     rotary_speed: float | None = None
     pressure: float | None = None
     in_slips: bool | None = None
-    link_locked: bool = False
-    link_age_s: float = math.inf
+    link_locked: bool = False  #: whether words arrive over the link
+    link_age_s: float = math.inf  #: age of the state of the link
     survey_running: bool = False
-    no_control: str = ""
+    no_control: str = ""  #: reason why the rig does not accept set-points; empty if it accepts them
 
 
 # Readings of this size or larger are impossible on any rig: m^3/s, rad/s, Pa.

@@ -35,32 +35,20 @@ class Quantity:
 
 @dataclasses.dataclass(frozen=True)
 class LiveValue:
-    """
-    The last good value of a quantity.
+    """The last good value of a quantity."""
 
-    Attributes
-    ----------
-    value, sigma : float or None
-        Value and 1 sigma in `unit`; value is None before the first value, sigma is None if unknown.
-    at, age : float or None
-        Time of arrival by the steady clock, and time since arrival, s.
-    stale_after : float
-        Age above which the value is stale, s.
-    reason : str
-        Reason why the value is withheld; empty if it is not withheld.
-    measured_at : float or None
-        Time of measurement, s of the same clock: earlier than `at` by the delay from the sensor to the surface. Over a
-        telemetry link it is the time at which the transmitted word was measured.
-    """
-
+    #: `value`, `sigma`: value and 1 sigma in `unit`; value is None before the first value, sigma is None if unknown.
     value: float | None = None
     sigma: float | None = None
     unit: str = ""
+    #: `at`, `age`: time of arrival by the steady clock, and time since arrival, s.
     at: float | None = None
     age: float | None = None
-    stale_after: float = 0.0
+    stale_after: float = 0.0  #: age above which the value is stale, s
     state: Freshness = Freshness.NO_DATA
-    reason: str = ""
+    reason: str = ""  #: reason why the value is withheld; empty if it is not withheld
+    #: Time of measurement, s of the same clock: earlier than `at` by the delay from the sensor to the surface. Over a
+    #: telemetry link it is the time at which the transmitted word was measured.
     measured_at: float | None = None
 
     def measured_age(self, now: float) -> float | None:

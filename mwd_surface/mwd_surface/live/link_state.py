@@ -31,28 +31,14 @@ _BASE_S = 10.0
 
 @dataclasses.dataclass(frozen=True)
 class PressurePicture:
-    """
-    Pressure as a line and a spectrogram.
+    """Pressure as a line and a spectrogram."""
 
-    Attributes
-    ----------
-    end_ns : int
-        Stamp of the newest sample.
-    line : tuple of float
-        Pressure of the last `LINE_S` minus its running median, kPa, newest last.
-    spectra : tuple of tuple of int
-        Power, dB: one tuple of `BINS` values from 0 Hz on for each `STEP_S`, newest last.
-    bin_hz : float
-        Width of a bin.
-    line_hz : float
-        Rate of the values in `line`.
-    """
-
-    end_ns: int
-    line: tuple[float, ...]
+    end_ns: int  #: stamp of the newest sample
+    line: tuple[float, ...]  #: pressure of the last `LINE_S` minus its running median, kPa, newest last
+    #: Power, dB: one tuple of `BINS` values from 0 Hz on for each `STEP_S`, newest last.
     spectra: tuple[tuple[int, ...], ...]
-    bin_hz: float = 2.0 * RATE_HZ / WINDOW
-    line_hz: float = LINE_HZ
+    bin_hz: float = 2.0 * RATE_HZ / WINDOW  #: width of a bin
+    line_hz: float = LINE_HZ  #: rate of the values in `line`
 
 
 class PressureHistory:
@@ -194,26 +180,7 @@ class LinkFrameState(MessageRecord):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinkStatus(MessageRecord):
-    """
-    State of a link, with the fields of mwd_msgs/LinkQuality, and the words received over it.
-
-    Attributes
-    ----------
-    at : float
-        Time of arrival of this state, s of the steady clock.
-    survey : tuple of LinkWordState
-        Words of the newest survey, in the order of the sequence.
-    frames : tuple of LinkFrameState
-        Last passes of sequences, newest last.
-    words : tuple of LinkWordState
-        Last words, newest last.
-    picture : PressurePicture or None
-        Standpipe pressure; None if it is not received.
-    strokes : tuple of float
-        Stroke rate of each running pump, Hz.
-    others : tuple of LinkStatus
-        States of the other links, in order of their names.
-    """
+    """State of a link, with the fields of mwd_msgs/LinkQuality, and the words received over it."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkQuality"
     NOT_SENT: ClassVar[frozenset[str]] = frozenset({"at", "strokes", "picture", "survey", "frames", "words", "others"})
@@ -234,13 +201,13 @@ class LinkStatus(MessageRecord):
     inclination_age: float
     azimuth_age: float
     stamp_ns: int
-    at: float = math.nan
-    strokes: tuple[float, ...] = ()
-    picture: PressurePicture | None = None
-    survey: tuple[LinkWordState, ...] = ()
-    frames: tuple[LinkFrameState, ...] = ()
-    words: tuple[LinkWordState, ...] = ()
-    others: tuple[LinkStatus, ...] = ()
+    at: float = math.nan  #: time of arrival of this state, s of the steady clock
+    strokes: tuple[float, ...] = ()  #: stroke rate of each running pump, Hz
+    picture: PressurePicture | None = None  #: standpipe pressure; None if it is not received
+    survey: tuple[LinkWordState, ...] = ()  #: words of the newest survey, in the order of the sequence
+    frames: tuple[LinkFrameState, ...] = ()  #: last passes of sequences, newest last
+    words: tuple[LinkWordState, ...] = ()  #: last words, newest last
+    others: tuple[LinkStatus, ...] = ()  #: states of the other links, in order of their names
 
     @property
     def name(self) -> str:

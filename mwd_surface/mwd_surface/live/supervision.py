@@ -22,32 +22,19 @@ from mwd_surface.live.well_context import WellContext
 
 @dataclasses.dataclass(frozen=True)
 class SupervisionRow:
-    """
-    Rule for one supervised reading.
+    """Rule for one supervised reading."""
 
-    Attributes
-    ----------
-    alarm : str
-        Id of the alarm; also the name of the reading.
-    node, what : str
-        Supervised node or input, and text of the alarm, which may contain {value} and {limit}.
-    limit : float
-        Largest normal reading, in the unit of the reading.
-    persistence_s : float
-        Time for which a reading must be above the limit to raise the alarm, and within it to clear the alarm.
-    remedy : str
-        Advice to the user.
-    action, degraded : str
-        Automatic reaction of the graph, and functions that still work; for the reference documentation.
-    """
-
-    alarm: str
+    alarm: str  #: id of the alarm; also the name of the reading
+    #: `node`, `what`: supervised node or input, and text of the alarm, which may contain {value} and {limit}.
     node: str
     what: str
-    limit: float
+    limit: float  #: largest normal reading, in the unit of the reading
+    #: Time for which a reading must be above the limit to raise the alarm, and within it to clear the alarm.
     persistence_s: float
     severity: Severity
-    remedy: str
+    remedy: str  #: advice to the user
+    #: `action`, `degraded`: automatic reaction of the graph, and functions that still work; for the reference
+    #: documentation.
     action: str
     degraded: str
 

@@ -25,48 +25,27 @@ BELIEVED, ERASED, BY_CONSISTENCY = "believed", "erased", "by_consistency"
 
 @dataclasses.dataclass(frozen=True)
 class ReceivedWord:
-    """
-    One received word.
+    """One received word."""
 
-    Attributes
-    ----------
-    start_s, end_s : float
-        Time on air at the surface, on the clock of the pressure.
-    frame, index : int
-        Number of the pass of the sequence (all its words sent once), from 0, and index of the word in the pass.
-    kind : str
-        Kind of the sequence in which the word came: "survey" or "toolface".
-    raw : int
-        Most probable code.
-    value : float
-        Value of that code, in the unit of the word; NaN for the code that means "no measurement".
-    confidence : float
-        Probability that the code is right.
-    sigma : float
-        1 sigma of the value if the code is right, in the unit of the word.
-    status : str
-        "believed"; or "erased" if the confidence is below the level for its kind or the tool had no measurement; or
-        "by_consistency" if earlier surveys make one of the codes of an erased word probable enough.
-    alternatives : tuple of (int, float)
-        Next most probable codes with their probabilities.
-    revision : int
-        0: provisional, as first decoded; 1: final, decoded again with the whole pass.
-    """
-
+    #: `start_s`, `end_s`: time on air at the surface, on the clock of the pressure.
     start_s: float
     end_s: float
+    #: `frame`, `index`: number of the pass of the sequence (all its words sent once), from 0, and index of the word in
+    #: the pass.
     frame: int
     index: int
-    kind: str
+    kind: str  #: kind of the sequence in which the word came: "survey" or "toolface"
     name: str
     unit: str
-    raw: int
-    value: float
-    confidence: float
-    sigma: float
+    raw: int  #: most probable code
+    value: float  #: value of that code, in the unit of the word; NaN for the code that means "no measurement"
+    confidence: float  #: probability that the code is right
+    sigma: float  #: 1 sigma of the value if the code is right, in the unit of the word
+    #: "believed"; or "erased" if the confidence is below the level for its kind or the tool had no measurement; or
+    #: "by_consistency" if earlier surveys make one of the codes of an erased word probable enough.
     status: str
-    alternatives: tuple[tuple[int, float], ...]
-    revision: int = 1
+    alternatives: tuple[tuple[int, float], ...]  #: next most probable codes with their probabilities
+    revision: int = 1  #: 0: provisional, as first decoded; 1: final, decoded again with the whole pass
 
     @property
     def usable(self) -> bool:
@@ -121,21 +100,11 @@ class FrameReport:
 
 @dataclasses.dataclass
 class Reception:
-    """
-    Words, and passes of sequences (frames), that a block of samples completed.
+    """Words, and passes of sequences (frames), that a block of samples completed."""
 
-    Attributes
-    ----------
-    words : list of ReceivedWord
-        Final words, from complete passes.
-    frames : list of FrameReport
-        Reports of the complete passes.
-    provisional : list of ReceivedWord
-        Words just decoded, with `revision` 0; the final word has the same frame and index.
-    """
-
-    words: list[ReceivedWord] = dataclasses.field(default_factory=list)
-    frames: list[FrameReport] = dataclasses.field(default_factory=list)
+    words: list[ReceivedWord] = dataclasses.field(default_factory=list)  #: final words, from complete passes
+    frames: list[FrameReport] = dataclasses.field(default_factory=list)  #: reports of the complete passes
+    #: Words just decoded, with `revision` 0; the final word has the same frame and index.
     provisional: list[ReceivedWord] = dataclasses.field(default_factory=list)
 
     def add(self, more: Reception) -> None:

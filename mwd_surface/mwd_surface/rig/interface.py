@@ -42,47 +42,34 @@ class InterfaceError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class PeerStatus:
-    """
-    State of one connection.
-
-    since: steady time at which the connection began, s.
-    sent, received, dropped: numbers of messages since then.
-    rate: messages sent per second.
-    last: text of the last message.
-    """
+    """State of one connection."""
 
     address: str
-    since: float
+    since: float  #: steady time at which the connection began, s
+    #: `sent`, `received`, `dropped`: numbers of messages since then.
     sent: int = 0
     received: int = 0
     dropped: int = 0
-    rate: float = 0.0
-    last: str = ""
+    rate: float = 0.0  #: messages sent per second
+    last: str = ""  #: text of the last message
 
 
 @dataclasses.dataclass(frozen=True)
 class InterfaceStatus:
-    """
-    State of one interface: its state as a word such as LISTENING, its address, and the reason if it is not running.
-
-    sent, received: numbers of messages.
-    dropped: number of messages not delivered to a slow peer.
-    refused: number of refused connections.
-    counts: further counters by name.
-    last: names and texts of the last values sent.
-    """
+    """State of one interface: a word such as LISTENING, its address, and the reason if it is not running."""
 
     name: str
     state: str
     address: str = ""
     reason: str = ""
     peers: tuple[PeerStatus, ...] = ()
+    #: `sent`, `received`: numbers of messages.
     sent: int = 0
     received: int = 0
-    dropped: int = 0
-    refused: int = 0
-    counts: tuple[tuple[str, int], ...] = ()
-    last: tuple[tuple[str, str], ...] = ()
+    dropped: int = 0  #: number of messages not delivered to a slow peer
+    refused: int = 0  #: number of refused connections
+    counts: tuple[tuple[str, int], ...] = ()  #: further counters by name
+    last: tuple[tuple[str, str], ...] = ()  #: names and texts of the last values sent
 
 
 class RigInterface(abc.ABC):

@@ -92,31 +92,23 @@ _DOUBTS = {
 
 @dataclasses.dataclass(frozen=True)
 class RigValues:
-    """
-    All values that an interface may send, at the time made_ns, ns since the epoch.
-
-    heartbeat: seconds of a steady clock; stops counting if the node hangs.
-    values: value of every name in the signal table.
-    surveys: accepted surveys, oldest measurement first.
-    alarms: newest first.
-    circulating, in_slips: None if the rig does not report this state.
-    mode: mode of the toolface in force, GRAVITY or MAGNETIC.
-    """
+    """All values that an interface may send, at the time made_ns, ns since the epoch."""
 
     made_ns: int
-    heartbeat: int
-    values: Mapping[str, RigValue]
-    surveys: tuple[AcceptedSurvey, ...] = ()
-    alarms: tuple[Alarm, ...] = ()
+    heartbeat: int  #: seconds of a steady clock; stops counting if the node hangs
+    values: Mapping[str, RigValue]  #: value of every name in the signal table
+    surveys: tuple[AcceptedSurvey, ...] = ()  #: accepted surveys, oldest measurement first
+    alarms: tuple[Alarm, ...] = ()  #: newest first
     well: str = ""
     wellbore: str = ""
     north: str = ""
-    mode: int = GRAVITY
+    mode: int = GRAVITY  #: mode of the toolface in force, GRAVITY or MAGNETIC
     rotating: bool = False
     active: bool = True
     sonde_link: bool = False
     recording: bool = False
     simulated: bool = False
+    #: `circulating`, `in_slips`: None if the rig does not report this state.
     circulating: bool | None = None
     in_slips: bool | None = None
     control: ControlStatus = dataclasses.field(default_factory=ControlStatus)

@@ -157,28 +157,13 @@ class SteadyTime:
 
 @dataclasses.dataclass(frozen=True)
 class SurfaceContext:
-    """
-    Surface node, and the objects that its parts share.
+    """Surface node, and the objects that its parts share."""
 
-    Attributes
-    ----------
-    node : GraphNode
-        Node that creates topics and services, and logs.
-    folder : Path
-        Folder of the well: recordings, survey list and exports.
-    well : WellContext
-        Clock, live state and alarm log of the well.
-    worker : BackgroundWorker
-        Worker that runs slow work in another thread.
-    requests : RequestQueue
-        Queue of requests of page and rig interfaces, which run in the node's thread.
-    """
-
-    node: GraphNode[Any]
-    folder: Path
-    well: WellContext
-    worker: BackgroundWorker
-    requests: RequestQueue
+    node: GraphNode[Any]  #: node that creates topics and services, and logs
+    folder: Path  #: folder of the well: recordings, survey list and exports
+    well: WellContext  #: clock, live state and alarm log of the well
+    worker: BackgroundWorker  #: worker that runs slow work in another thread
+    requests: RequestQueue  #: queue of requests of page and rig interfaces, which run in the node's thread
 
     @property
     def live(self) -> LiveState:

@@ -107,70 +107,31 @@ AS_STORED = Display()  #: display in the project's own files
 
 @dataclasses.dataclass(frozen=True)
 class Signal:
-    """
-    One quantity of the signal table.
+    """One quantity of the signal table."""
 
-    Attributes
-    ----------
-    name : str
-        Name within this package.
-    unit : str
-        SI unit, one of `units.UNITS`; rad for angles, 1 for a ratio; empty if the signal is not a number.
-    meaning : str
-        Description in words.
-    source : str
-        Source of the signal, one of `SOURCES`.
-    type : str
-        Data type, one of `TYPES`.
-    circle : bool
-        Whether the values wrap around a full circle.
-    sigma : bool
-        Whether the signal has a 1 sigma, with a separate column in files of samples.
-    doubts : tuple of str
-        Status bits of the estimator that make the signal doubtful.
-    field : str
-        Attribute of the source's record that holds the value.
-    page : tuple of str
-        Places in the state of the page, `section.field`.
-    shown : Shown, optional
-        Column in the survey table of the page, with the title of `listed`.
-    opcua : str
-        OPC UA variable; empty if the signal is not sent to a rig by any protocol.
-    dwis : tuple of str
-        D-WIS nouns that classify the signal.
-    modbus : int, optional
-        Address of the first register of the signal.
-    wits : Wits, optional
-        WITS item with which the signal is sent, in record 7, 8 or 9.
-    reads : int, optional
-        Item of WITS record 1 from which the signal is received.
-    record : str
-        Attribute of `survey_csv.Line` with the value of a survey of the list, as a dotted path; empty if the value is
-        computed from the whole path.
-    listed : Listed, optional
-        Column in the tables of surveys; a column with a LAS mnemonic is in every export of the definitive survey.
-    series, attitude : FileColumn, optional
-        Columns in the rows of a recording, one per second, and in attitude.csv and attitude.parquet.
-    """
-
-    name: str
-    unit: str
-    meaning: str
-    source: str
-    type: str = "Double"
-    circle: bool = False
-    sigma: bool = False
-    doubts: tuple[str, ...] = ()
-    field: str = ""
-    page: tuple[str, ...] = ()
-    shown: Shown | None = None
-    opcua: str = ""
-    dwis: tuple[str, ...] = ()
-    modbus: int | None = None
-    wits: Wits | None = None
-    reads: int | None = None
+    name: str  #: name within this package
+    unit: str  #: SI unit, one of `units.UNITS`; rad for angles, 1 for a ratio; empty if the signal is not a number
+    meaning: str  #: description in words
+    source: str  #: source of the signal, one of `SOURCES`
+    type: str = "Double"  #: data type, one of `TYPES`
+    circle: bool = False  #: whether the values wrap around a full circle
+    sigma: bool = False  #: whether the signal has a 1 sigma, with a separate column in files of samples
+    doubts: tuple[str, ...] = ()  #: status bits of the estimator that make the signal doubtful
+    field: str = ""  #: attribute of the source's record that holds the value
+    page: tuple[str, ...] = ()  #: places in the state of the page, `section.field`
+    shown: Shown | None = None  #: column in the survey table of the page, with the title of `listed`
+    opcua: str = ""  #: OPC UA variable; empty if the signal is not sent to a rig by any protocol
+    dwis: tuple[str, ...] = ()  #: D-WIS nouns that classify the signal
+    modbus: int | None = None  #: address of the first register of the signal
+    wits: Wits | None = None  #: WITS item with which the signal is sent, in record 7, 8 or 9
+    reads: int | None = None  #: item of WITS record 1 from which the signal is received
+    #: Attribute of `survey_csv.Line` with the value of a survey of the list, as a dotted path; empty if the value is
+    #: computed from the whole path.
     record: str = ""
+    #: Column in the tables of surveys; a column with a LAS mnemonic is in every export of the definitive survey.
     listed: Listed | None = None
+    #: `series`, `attitude`: columns in the rows of a recording, one per second, and in attitude.csv and
+    #: attitude.parquet.
     series: FileColumn | None = None
     attitude: FileColumn | None = None
 

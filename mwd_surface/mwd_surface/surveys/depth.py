@@ -87,20 +87,14 @@ class DepthRules(DepthJumpRules):
 
 @dataclasses.dataclass(frozen=True)
 class DepthReading:
-    """
-    Depth of the sensor at a survey.
+    """Depth of the sensor at a survey."""
 
-    measured_depth, bit_depth: depth of the sensor and of the bit, m.
-    depth_age: time between the survey and the depth reading used, s.
-    reason: why the depth is unknown, or empty.
-    by_hand: whether a person entered the reading used.
-    """
-
+    #: `measured_depth`, `bit_depth`: depth of the sensor and of the bit, m.
     measured_depth: float = math.nan
-    depth_age: float = math.nan
+    depth_age: float = math.nan  #: time between the survey and the depth reading used, s
     bit_depth: float = math.nan
-    reason: str = ""
-    by_hand: bool = False
+    reason: str = ""  #: why the depth is unknown, or empty
+    by_hand: bool = False  #: whether a person entered the reading used
 
 
 class DepthTrack:

@@ -125,31 +125,23 @@ _REACH, _STEP = 30.0, 10.0
 
 @dataclasses.dataclass(frozen=True)
 class Deviation:
-    """
-    Deviation at one station; unknown numbers are NaN.
+    """Deviation at one station; unknown numbers are NaN."""
 
-    station: number of the survey; empty without a survey.
-    leg: leg to which the station belongs.
-    kind: kind of station as in a path, or "planned" ahead of the bit.
-    measured_depth: m.
-    inclination, azimuth: rad.
-    right, up: offset of the hole from the design, across the design, m, negative to the left and below.
-    sigma_right, sigma_up: 1 sigma, m.
-    distance: distance of the hole from the design, m.
-    x, y, z: mine coordinates, m, north, east and up; NaN for an axis on which the opening is not given.
-    """
-
-    station: str
-    leg: str
-    kind: str
-    measured_depth: float
+    station: str  #: number of the survey; empty without a survey
+    leg: str  #: leg to which the station belongs
+    kind: str  #: kind of station as in a path, or "planned" ahead of the bit
+    measured_depth: float  #: m
+    #: `inclination`, `azimuth`: rad.
     inclination: float
     azimuth: float
+    #: `right`, `up`: offset of the hole from the design, across the design, m, negative to the left and below.
     right: float
     up: float
+    #: `sigma_right`, `sigma_up`: 1 sigma, m.
     sigma_right: float
     sigma_up: float
-    distance: float
+    distance: float  #: distance of the hole from the design, m
+    #: `x`, `y`, `z`: mine coordinates, m, north, east and up; NaN for an axis on which the opening is not given.
     x: float
     y: float
     z: float
@@ -217,34 +209,24 @@ _SAME = 1e-3  # a station at most this far from the surveyed point in measured d
 
 @dataclasses.dataclass(frozen=True)
 class Closure:
-    """
-    Closure error at a surveyed point; unknown numbers are NaN.
+    """Closure error at a surveyed point; unknown numbers are NaN."""
 
-    leg: leg of the hole that reaches the point.
-    measured_depth: measured depth of the point, m.
-    right, up, along: components of the closure error, looking along the hole, m; negative if the path is to the left of
-    the point, below it, or short of it.
-    sigma_right, sigma_up, sigma_along: 1 sigma of the path in these directions, m.
-    sigma_point: 1 sigma of the point in each direction, m.
-    distance: length of the closure error, m.
-    probability: probability of an error at least as large by chance.
-    verdict: `CONSISTENT`, `DOUBTFUL`, `INCONSISTENT` or `UNKNOWN`.
-    note: reason and remedy if a number is unknown; otherwise empty.
-    """
-
-    leg: str
-    measured_depth: float = math.nan
+    leg: str  #: leg of the hole that reaches the point
+    measured_depth: float = math.nan  #: measured depth of the point, m
+    #: `right`, `up`, `along`: components of the closure error, looking along the hole, m; negative if the path is to
+    #: the left of the point, below it, or short of it.
     right: float = math.nan
     up: float = math.nan
     along: float = math.nan
+    #: `sigma_right`, `sigma_up`, `sigma_along`: 1 sigma of the path in these directions, m.
     sigma_right: float = math.nan
     sigma_up: float = math.nan
     sigma_along: float = math.nan
-    sigma_point: float = math.nan
-    distance: float = math.nan
-    probability: float = math.nan
-    verdict: str = UNKNOWN
-    note: str = ""
+    sigma_point: float = math.nan  #: 1 sigma of the point in each direction, m
+    distance: float = math.nan  #: length of the closure error, m
+    probability: float = math.nan  #: probability of an error at least as large by chance
+    verdict: str = UNKNOWN  #: `CONSISTENT`, `DOUBTFUL`, `INCONSISTENT` or `UNKNOWN`
+    note: str = ""  #: reason and remedy if a number is unknown; otherwise empty
 
 
 def closure(surveys: SurveyList, path: Definitive) -> Closure | None:

@@ -86,29 +86,18 @@ Change = DepthByHand | Decided | Revised
 
 @dataclasses.dataclass(frozen=True)
 class RecordedList:
-    """
-    Information in the survey lists of a recording.
+    """Information in the survey lists of a recording."""
 
-    Attributes
-    ----------
-    first, records : dict of SurveyRecord
-        Record of each survey by uuid: in the first list that has the survey, and in the last list of the recording.
-    changes : tuple of Change
-        Changes of the list, in the order of recording.
-    arrived_ns : dict of int
-        Time at which the message of each survey was recorded, by uuid.
-    last : SurveyList or None
-        Last list, with legs and plan; None if there is no list.
-    without_events : bool
-        Whether operator events are missing: the recording has survey lists but neither operator events nor used
-        samples, or it has live surveys but no survey list.
-    """
-
+    #: `first`, `records`: record of each survey by uuid: in the first list that has the survey, and in the last list of
+    #: the recording.
     first: Mapping[str, SurveyRecord] = dataclasses.field(default_factory=dict)
     records: Mapping[str, SurveyRecord] = dataclasses.field(default_factory=dict)
-    changes: tuple[Change, ...] = ()
+    changes: tuple[Change, ...] = ()  #: changes of the list, in the order of recording
+    #: Time at which the message of each survey was recorded, by uuid.
     arrived_ns: Mapping[str, int] = dataclasses.field(default_factory=dict)
-    last: SurveyList | None = None
+    last: SurveyList | None = None  #: last list, with legs and plan; None if there is no list
+    #: Whether operator events are missing: the recording has survey lists but neither operator events nor used samples,
+    #: or it has live surveys but no survey list.
     without_events: bool = False
 
     def before(self, start_ns: int) -> list[SurveyRecord]:

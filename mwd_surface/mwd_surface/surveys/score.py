@@ -27,35 +27,23 @@ _NEAREST = 0.6  # longest time between a survey and the sample of the truth with
 
 @dataclasses.dataclass(frozen=True)
 class Scored:
-    """
-    One survey and the truth; angles in rad, azimuths from true north, None where unknown.
-
-    Attributes
-    ----------
-    measured_depth : float
-        True depth of the sonde, m.
-    inclination, azimuth : float
-        True values.
-    raw, corrected, chosen : float or None
-        Azimuth as measured, corrected for axial interference, and as reported by the survey.
-    sigma_azimuth : float or None
-        1 sigma of the reported azimuth.
-    action : str
-        Main reason to act; empty for an accepted survey.
-    """
+    """One survey and the truth; angles in rad, azimuths from true north, None where unknown."""
 
     sequence: int
-    measured_depth: float
+    measured_depth: float  #: true depth of the sonde, m
+    #: `inclination`, `azimuth`: true values.
     inclination: float
     azimuth: float
     measured_inclination: float
     sigma_inclination: float
+    #: `raw`, `corrected`, `chosen`: azimuth as measured, corrected for axial interference, and as reported by the
+    #: survey.
     raw: float | None
     corrected: float | None
     chosen: float | None
-    sigma_azimuth: float | None
+    sigma_azimuth: float | None  #: 1 sigma of the reported azimuth
     verdict: Verdict
-    action: str
+    action: str  #: main reason to act; empty for an accepted survey
 
     @property
     def inclination_error(self) -> float:

@@ -33,41 +33,20 @@ from mwd_surface.bags.mcap.writer import McapWriter, is_being_written
 
 @dataclasses.dataclass(frozen=True)
 class RecoveryReport:
-    """
-    Result of a recovery or a check.
+    """Result of a recovery or a check."""
 
-    Attributes
-    ----------
-    source : Path
-        The file that was read.
-    target : Path or None
-        The recovered file; None if there was nothing to save, or if only a check was requested.
-    kept : Path or None
-        New path of the original if the recovered file took its name.
-    sound : bool
-        The source was valid, so that nothing was done.
-    messages : int
-        Number of messages that were saved, or that a check found.
-    damages : int
-        Number of places with bytes that could not be read.
-    lost_bytes : int
-        Number of bytes in those places.
-    start_ns, end_ns : int
-        Log times of the first and the last message; 0 if there is no message.
-    notes : tuple of str
-        One sentence for each fault or anything unusual that was found.
-    """
-
-    source: Path
+    source: Path  #: the file that was read
+    #: The recovered file; None if there was nothing to save, or if only a check was requested.
     target: Path | None = None
-    kept: Path | None = None
-    sound: bool = False
-    messages: int = 0
-    damages: int = 0
-    lost_bytes: int = 0
+    kept: Path | None = None  #: new path of the original if the recovered file took its name
+    sound: bool = False  #: the source was valid, so that nothing was done
+    messages: int = 0  #: number of messages that were saved, or that a check found
+    damages: int = 0  #: number of places with bytes that could not be read
+    lost_bytes: int = 0  #: number of bytes in those places
+    #: `start_ns`, `end_ns`: log times of the first and the last message; 0 if there is no message.
     start_ns: int = 0
     end_ns: int = 0
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: one sentence for each fault or anything unusual that was found
 
     def sentence(self) -> str:
         """Return the report in one line."""
@@ -120,20 +99,15 @@ def check(path: Path) -> RecoveryReport:
 
 @dataclasses.dataclass
 class Tally:
-    """
-    Counts of messages and damages over the pieces of a scan.
-
-    counts : number of messages by channel; messages without a channel are left out.
-    lost_bytes : bytes that cannot be used.
-    times : first and last log time, ns; empty without messages.
-    """
+    """Counts of messages and damages over the pieces of a scan."""
 
     contents: Contents
+    #: Number of messages by channel; messages without a channel are left out.
     counts: dict[int, int] = dataclasses.field(default_factory=dict)
     damages: int = 0
-    lost_bytes: int = 0
+    lost_bytes: int = 0  #: bytes that cannot be used
     notes: list[str] = dataclasses.field(default_factory=list)
-    times: list[int] = dataclasses.field(default_factory=list)
+    times: list[int] = dataclasses.field(default_factory=list)  #: first and last log time, ns; empty without messages
 
     def add(self, piece: Chunk | Bare | Other | Damage) -> None:
         """Add the messages, times and damage of a piece of the file to the report."""

@@ -15,19 +15,15 @@ _BATCH = 1000  # largest number of entries in a batch
 
 
 class QueuedMessage(NamedTuple):
-    """
-    A received message that waits to be written.
-
-    log_ns, publish_ns : ns since the epoch.
-    qos : offered profiles as YAML.
-    """
+    """A received message that waits to be written."""
 
     topic: str
     type_name: str
     data: bytes
+    #: `log_ns`, `publish_ns`: ns since the epoch.
     log_ns: int
     publish_ns: int
-    qos: str = ""
+    qos: str = ""  #: offered profiles as YAML
 
     @property
     def size(self) -> int:

@@ -36,24 +36,12 @@ Tables = Callable[[], Mapping[str, Mapping[str, str]]]
 
 @dataclasses.dataclass(frozen=True)
 class SessionHooks:
-    """
-    Functions that a session gets from its recorder.
+    """Functions that a session gets from its recorder."""
 
-    Attributes
-    ----------
-    tables : callable
-        Returns named tables of strings that are written to every file.
-    space : callable
-        Returns the free bytes on the disk of a folder.
-    refused : callable
-        Returns the number of messages of this recording that the queue refused.
-    report : callable
-        Called with the level and text of an event; the recorder passes the event to `Session.record`.
-    """
-
-    tables: Tables
-    space: Callable[[Path], int]
-    refused: Callable[[], int]
+    tables: Tables  #: returns named tables of strings that are written to every file
+    space: Callable[[Path], int]  #: returns the free bytes on the disk of a folder
+    refused: Callable[[], int]  #: returns the number of messages of this recording that the queue refused
+    #: Called with the level and text of an event; the recorder passes the event to `Session.record`.
     report: Callable[[EventLevel, str], None]
 
 
