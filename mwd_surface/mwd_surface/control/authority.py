@@ -246,20 +246,17 @@ _WORDS = {
 
 @dataclasses.dataclass
 class _Lease:
-    """
-    Lease or waiting request.
-
-    since, ends, heard: times of the request, of the end of the lease, and of the last message that proves that the
-    controller is alive; steady time, s. waits: reason why a request waits; empty for a lease.
-    """
+    """Lease or waiting request."""
 
     number: int
     request: ControlRequest
     limits: LeaseLimits
+    #: `since`, `ends`, `heard`: times of the request, of the end of the lease, and of the last message that proves that
+    #: the controller is alive; steady time, s.
     since: float
     ends: float
     heard: float
-    waits: str = ""
+    waits: str = ""  #: reason why a request waits; empty for a lease
 
     @property
     def name(self) -> str:

@@ -160,11 +160,7 @@ class LinkWordState(MessageRecord):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinkFrameState(MessageRecord):
-    """
-    One pass of a sequence (all its words sent once), with the fields of mwd_msgs/LinkFrame.
-
-    reason: cause if the pass was cut off, else empty.
-    """
+    """One pass of a sequence (all its words sent once), with the fields of mwd_msgs/LinkFrame."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/LinkFrame"
 
@@ -175,7 +171,7 @@ class LinkFrameState(MessageRecord):
     ebn0_db: float
     start_ns: int
     stamp_ns: int
-    reason: str
+    reason: str  #: cause if the pass was cut off, else empty
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -169,18 +169,16 @@ class ReferenceFieldState:
 
 @dataclasses.dataclass(frozen=True)
 class SurveyProgress:
-    """
-    Progress of a survey or north seek.
-
-    elapsed, remaining: s; NaN if unknown. result: outcome of the last survey. waits_for: reason why a survey that has
-    averaged enough samples is not issued yet; elapsed and remaining are then the times of this wait.
-    """
+    """Progress of a survey or north seek."""
 
     active: bool = False
     state: str = ""
+    #: `elapsed`, `remaining`: s; NaN if unknown.
     elapsed: float = math.nan
     remaining: float = math.nan
-    result: str = ""
+    result: str = ""  #: outcome of the last survey
+    #: Reason why a survey that has averaged enough samples is not issued yet; `elapsed` and `remaining` are then the
+    #: times of this wait.
     waits_for: str = ""
 
 

@@ -364,16 +364,12 @@ Table = dict[str, Any]
 
 
 class _View(NamedTuple):
-    """
-    A section that is kept until it changes.
+    """A section that is kept until it changes."""
 
-    parts: names of the parts of the state from which the section is made; the time of change of the first part is
-    `since`. more: any other value on which the section depends. build: function that makes the section.
-    """
-
+    #: Names of the parts of the state from which the section is made; the time of change of the first one is `since`.
     parts: tuple[str, ...]
-    more: Any
-    build: Callable[[], Table | None]
+    more: Any  #: any other value on which the section depends
+    build: Callable[[], Table | None]  #: function that makes the section
 
 
 class StateJson:

@@ -83,19 +83,15 @@ def value_of(word: ReceivedWord) -> LinkValue:
 
 @dataclasses.dataclass(frozen=True)
 class FrameReport:
-    """
-    Report of one pass of a sequence: number, kind, begin and end, s, energy per bit over noise density, dB.
-
-    clock_error: relative error of the tool's clock; reason: sentence on what went wrong, empty if nothing did.
-    """
+    """Report of one pass of a sequence: number, kind, begin and end, s, energy per bit over noise density, dB."""
 
     frame: int
     kind: str
     start_s: float
     end_s: float
     ebn0_db: float
-    clock_error: float
-    reason: str
+    clock_error: float  #: relative error of the tool's clock
+    reason: str  #: sentence on what went wrong, empty if nothing did
 
 
 @dataclasses.dataclass

@@ -62,19 +62,13 @@ class Condition(enum.Enum):
 
 @dataclasses.dataclass(frozen=True)
 class RigValue:
-    """
-    One value for the rig, with its condition.
+    """One value for the rig, with its condition."""
 
-    stamp_ns: time of the measurement, ns since the epoch, 0 if nothing was measured. age: s, None if nothing was
-    measured. sigma: 1 sigma in the unit of the value, or None. If `condition` is not usable, `value` is the last known
-    number, or 0.
-    """
-
-    value: float = 0.0
+    value: float = 0.0  #: the last known number, or 0, if `condition` is not usable
     condition: Condition = Condition.WAITING
-    stamp_ns: int = 0
-    age: float | None = None
-    sigma: float | None = None
+    stamp_ns: int = 0  #: time of the measurement, ns since the epoch, 0 if nothing was measured
+    age: float | None = None  #: s, None if nothing was measured
+    sigma: float | None = None  #: 1 sigma in the unit of the value, or None
     reason: str = ""
 
 

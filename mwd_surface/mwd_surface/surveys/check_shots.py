@@ -51,14 +51,10 @@ PASS, DOUBTFUL, FAIL = "pass", "doubtful", "fail"
 
 @dataclass(frozen=True)
 class Bias:
-    """
-    Bias of one transverse axis: value with 1 sigma, and 1 sigma of the tool code (`expected`), m/s^2 or T.
+    """Bias of one transverse axis: value with 1 sigma, and 1 sigma of the tool code (`expected`), m/s^2 or T."""
 
-    sensor: "accelerometer" or "magnetometer". axis: "y" or "z".
-    """
-
-    sensor: str
-    axis: str
+    sensor: str  #: "accelerometer" or "magnetometer"
+    axis: str  #: "y" or "z"
     value: float
     sigma: float
     expected: float

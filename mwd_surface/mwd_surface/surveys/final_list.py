@@ -64,16 +64,13 @@ class Overlap:
 
 @dataclasses.dataclass(frozen=True)
 class FinalList:
-    """
-    The final list, the survey programme of its stations, the overlaps of its sources, and remarks for people.
-
-    sources: name of the source of each station, by its number.
-    """
+    """The final list, the survey programme of its stations, the overlaps of its sources, and remarks for people."""
 
     surveys: SurveyList
     programme: SurveyProgramme
     overlaps: tuple[Overlap, ...] = ()
     remarks: tuple[str, ...] = ()
+    #: Name of the source of each station, by its number.
     sources: Mapping[int, str] = dataclasses.field(default_factory=dict)
 
 

@@ -33,23 +33,19 @@ from mwd_surface.trajectory.well_path import Definitive
 
 @dataclasses.dataclass(frozen=True)
 class Branch:
-    """
-    A branch of the hole.
+    """A branch of the hole."""
 
-    name, parent: names of the leg that is the branch, and of the leg that the branch leaves.
-    current: whether the next surveys belong to the branch.
-    measured_depth (m), inclination, azimuth (rad), position (north, east, down from the opening, m): kick-off point,
-    where the branch leaves its parent.
-    end: measured depth of the last station of the branch, m; of the kick-off point if the branch has no station.
-    """
-
+    #: `name`, `parent`: names of the leg that is the branch, and of the leg that the branch leaves.
     name: str
     parent: str
-    current: bool
+    current: bool  #: whether the next surveys belong to the branch
+    #: `measured_depth`, `inclination`, `azimuth`, `position`: kick-off point, where the branch leaves its parent, m,
+    #: rad, and m north, east, down from the opening.
     measured_depth: float
     inclination: float
     azimuth: float
     position: tuple[float, float, float]
+    #: Measured depth of the last station of the branch, m; of the kick-off point if the branch has no station.
     end: float
 
 

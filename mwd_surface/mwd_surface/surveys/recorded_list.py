@@ -37,13 +37,7 @@ class DepthByHand:
 
 @dataclasses.dataclass(frozen=True)
 class Decided:
-    """
-    Decision about a survey that a person made at `stamp_ns`; log_ns: time at which the message was recorded.
-
-    measured_depth: depth given with the decision, m; NaN if none was given. replace, value: as in `SurveyList.accept`.
-    as_listed: whether the decision comes from a recorded survey list, because the recording has no operator events.
-    Then measured_depth is the depth of the survey in that list, which the person may not have entered.
-    """
+    """Decision about a survey that a person made at `stamp_ns`; log_ns: time at which the message was recorded."""
 
     log_ns: int
     uuid: str
@@ -51,9 +45,12 @@ class Decided:
     operator_name: str
     reason: str
     stamp_ns: int
-    measured_depth: float = math.nan
+    measured_depth: float = math.nan  #: depth given with the decision, m; NaN if none was given
+    #: `replace`, `value`: as in `SurveyList.accept`.
     replace: bool = True
     value: int = int(Value.DEFINITIVE)
+    #: Whether the decision comes from a recorded survey list, because the recording has no operator events. Then
+    #: `measured_depth` is the depth of the survey in that list, which the person may not have entered.
     as_listed: bool = False
 
     def applied(self, surveys: SurveyList, *, depths: bool) -> SurveyList:

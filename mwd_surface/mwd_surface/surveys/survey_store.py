@@ -37,15 +37,11 @@ class StoreError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class Loaded:
-    """
-    Result of loading: the list, and messages for the operator.
-
-    fell_back: whether the newest file was missing or damaged, so that changes may be lost.
-    """
+    """Result of loading: the list, and messages for the operator."""
 
     surveys: SurveyList
     messages: tuple[str, ...] = ()
-    fell_back: bool = False
+    fell_back: bool = False  #: whether the newest file was missing or damaged, so that changes may be lost
 
 
 class SurveyStore:

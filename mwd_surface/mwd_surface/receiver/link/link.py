@@ -70,15 +70,12 @@ class Quality:
 
 @dataclasses.dataclass
 class LinkOutput:
-    """
-    Words, surveys and passes of sequences (all words sent once) that a block of samples completed, in order of time.
-
-    states: each new state of the link with its begin, s; filled only by `LinkFeed`.
-    """
+    """Words, surveys and passes of sequences that a block of samples completed, in order of time."""
 
     words: list[ReceivedWord] = dataclasses.field(default_factory=list)
     frames: list[FrameReport] = dataclasses.field(default_factory=list)
     surveys: list[HeardSurvey] = dataclasses.field(default_factory=list)
+    #: Each new state of the link with its begin, s; filled only by `LinkFeed`.
     states: list[tuple[float, Quality]] = dataclasses.field(default_factory=list)
 
     def add(self, more: LinkOutput) -> None:

@@ -292,17 +292,13 @@ _HALF_STEPS = 0.5 * math.sqrt(12.0) * 1.01
 
 @dataclasses.dataclass
 class _LinkStation:
-    """
-    Newest survey: its received words, its values, and the link from which each value comes.
-
-    until_ns: stamp until which the survey waits for more words; published: names of the angles already returned.
-    """
+    """Newest survey: its received words, its values, and the link from which each value comes."""
 
     heard: HeardSurvey
     values: dict[str, LinkValue]
     links: dict[str, str]
-    until_ns: int
-    published: frozenset[str] = frozenset()
+    until_ns: int  #: stamp until which the survey waits for more words
+    published: frozenset[str] = frozenset()  #: names of the angles already returned
 
 
 class LinkSurveys:
