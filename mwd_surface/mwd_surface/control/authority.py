@@ -278,15 +278,11 @@ class ControlAuthority:
         than the highest that it has received, so numbers must continue after a restart (`lease_numbers`).
     closed : str
         Reason why control is not available, with the remedy; empty: the settings decide.
-
-    Attributes
-    ----------
-    refused : int
-        Number of set-points and heartbeats that were refused, and of releases by another sender than the owner.
     """
 
     def __init__(self, settings: ControlSettings, first: int = 1, closed: str = "") -> None:
         self.settings, self._closed = settings, closed
+        #: Number of set-points and heartbeats that were refused, and of releases by another sender than the owner.
         self.refused = 0
         self._site = LeaseLimits.of_settings(settings)
         self._reactions = {

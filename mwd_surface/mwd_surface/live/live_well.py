@@ -113,13 +113,6 @@ class LiveWell:
         Intervals of the slide sheet so far.
     said : collection of str
         Topics of the surface node that come as messages; the content of its other topics is computed here.
-
-    Attributes
-    ----------
-    topics : frozenset of str
-        Topics whose messages are used, relative to the well.
-    vertical_limit : float or None
-        Inclination, rad, below which the estimator gives the magnetic toolface; None while it is not known.
     """
 
     def __init__(
@@ -136,6 +129,7 @@ class LiveWell:
     ) -> None:
         self.context, self.settings, self.book, self.plan = context, settings, book, plan
         self.live, self.alarm_log, self.clock = context.live, context.alarm_log, context.clock
+        #: Inclination, rad, below which the estimator gives the magnetic toolface; None while it is not known.
         self.vertical_limit: float | None = None
         self._outlet, self._decode = context.outlet, decode
         over_link = settings.link.source != "direct"
@@ -163,6 +157,7 @@ class LiveWell:
         self._waiting: list[Message] = []
         self._in_cell = False
         self._handlers = self._handlers_of(over_link=over_link)
+        #: Topics whose messages are used, relative to the well.
         self.topics = frozenset({*self._handlers, *self._supervision.topics})
 
     def _handlers_of(self, *, over_link: bool) -> dict[str, Callable[[bytes], None]]:

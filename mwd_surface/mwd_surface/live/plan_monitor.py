@@ -19,17 +19,10 @@ from mwd_surface.trajectory.well_path import Definitive
 
 
 class PlanMonitor:
-    """
-    Monitor of the plan of one well: reads the plan and shows it on the page.
-
-    Attributes
-    ----------
-    plan : Plan or None
-        The plan in force.
-    """
+    """Monitor of the plan of one well: reads the plan and shows it on the page."""
 
     def __init__(self, context: WellContext) -> None:
-        self.plan: Plan | None = None
+        self.plan: Plan | None = None  #: the plan in force
         self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
 
     @staticmethod

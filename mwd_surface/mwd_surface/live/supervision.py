@@ -243,34 +243,24 @@ _TRAILING = 2.0
 
 
 class SupervisionMonitor:
-    """
-    Monitor of the nodes of one well: evaluates the table and raises its alarms.
-
-    Attributes
-    ----------
-    topics : frozenset of str
-        Topics that are supervised for silence.
-    judged : set of str
-        Rows of the table that had a reading at the last update, by alarm id.
-    over_at : float or None
-        Time of the end of the simulation or replay that makes the data, s. Topics and nodes that are silent from then
-        on raise no alarm (ISA-18.2: suppressed by design).
-    over_by : str
-        Node that has produced these data. The node may exit at any time after the end, so that a missing heartbeat is
-        not a fault.
-    """
+    """Monitor of the nodes of one well: evaluates the table and raises its alarms."""
 
     def __init__(self, context: WellContext) -> None:
         self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
         self._supervision = Supervision()
+        #: Topics that are supervised for silence.
         self.topics = frozenset(row.alarm[6:] for row in TABLE if row.alarm.startswith("input."))
         self._received_at: dict[str, float] = {}
         self._figures: dict[str, float] = {}
         self._beat_at: dict[str, float] = {}
         self._stamp_ns = -1
         self._advanced_at = self._sampled_at = 0.0
-        self.judged: set[str] = set()
+        self.judged: set[str] = set()  #: rows of the table that had a reading at the last update, by alarm id
+        #: Time of the end of the simulation or replay that makes the data, s. Topics and nodes that are silent from
+        #: then on raise no alarm (ISA-18.2: suppressed by design).
         self.over_at: float | None = None
+        #: Node that has produced these data. The node may exit at any time after the end, so that a missing heartbeat
+        #: is not a fault.
         self.over_by = ""
 
     @property

@@ -62,19 +62,6 @@ class SurveyBook:
         Rules for pairing surveys with depths.
     log_step : float
         Depth step of the log channels, m.
-
-    Attributes
-    ----------
-    surveys : SurveyList
-        The list in force.
-    depth : DepthTrack
-        Bit depth over time.
-    logs : DepthLog
-        Log channels over depth.
-    health : HealthLedger
-        Account of the tool's health.
-    journal : LogJournal or None
-        Log samples on disk.
     """
 
     def __init__(
@@ -85,11 +72,12 @@ class SurveyBook:
         depth: DepthRules,
         log_step: float = STEP_M,
     ) -> None:
-        self.depth = DepthTrack(depth)
-        self.surveys = surveys
+        self.depth = DepthTrack(depth)  #: bit depth over time
+        self.surveys = surveys  #: the list in force
+        #: Log channels over depth.
         self.logs = DepthLog(surveys.well.sensor_offset, log_step, history=depth.history, rules=depth)
-        self.health = HealthLedger()
-        self.journal: LogJournal | None = None
+        self.health = HealthLedger()  #: account of the tool's health
+        self.journal: LogJournal | None = None  #: log samples on disk
         self._clock, self._live = context.clock, context.live
         self._alarm_log, self._outlet = context.alarm_log, context.outlet
         self._plan = plan

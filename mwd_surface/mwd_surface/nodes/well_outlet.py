@@ -51,12 +51,6 @@ class NodeOutlet(WellOutlet):
         Alarm log of the same well; set by the code that creates both.
     surveys : SurveyListServer or None
         Survey list of the node, which publishes the list and the accepted surveys.
-    listeners : list of callable
-        Functions that are called with the survey list after each change.
-    rig_listeners : list of callable
-        Functions that are called with arriving rig data, if their source is the one in force.
-    recorder : callable
-        Function that returns the status of the recorder.
     """
 
     alarm_log: AlarmLog
@@ -64,9 +58,11 @@ class NodeOutlet(WellOutlet):
 
     def __init__(self, node: GraphNode[Any], worker: BackgroundWorker, slide_file: Path) -> None:
         self._node, self._worker, self._slide_file = node, worker, slide_file
+        #: Functions that are called with the survey list after each change.
         self.listeners: list[Callable[[SurveyList], None]] = []
+        #: Functions that are called with arriving rig data, if their source is the one in force.
         self.rig_listeners: list[Callable[[Samples], None]] = []
-        self.recorder: Callable[[], RecorderStatus] | None = None
+        self.recorder: Callable[[], RecorderStatus] | None = None  #: function that returns the status of the recorder
         self._simulated = False
         self._told = 0
 

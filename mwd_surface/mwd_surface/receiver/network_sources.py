@@ -280,16 +280,11 @@ class _Format:
     ------
     ValueError
         Columns, units or decimal marks of the lines are ambiguous; the message names the option that states them.
-
-    Attributes
-    ----------
-    names : int
-        Number of lines above the first row.
     """
 
     def __init__(self, lines: list[str], said: Mapping[str, str]) -> None:
         self._separator = _separator(lines)
-        self.names = 0
+        self.names = 0  #: number of lines above the first row
         layout = pressure_table.live_columns([], said)
         while layout is None and self.names < len(lines):
             layout = pressure_table.live_columns(self._cells(lines[self.names]), said)

@@ -98,24 +98,14 @@ class DepthReading:
 
 
 class DepthTrack:
-    """
-    Bit depth over time as reported by the rig.
-
-    Attributes
-    ----------
-    refused_null : int
-        Number of readings dropped because they are not a depth.
-    refused_jump : int
-        Number of readings dropped because the depth changed faster than a string can move.
-    refused_order : int
-        Number of readings dropped because they are not newer than an accepted reading, and no further readings confirm
-        that the clock was set back.
-    """
+    """Bit depth over time as reported by the rig."""
 
     def __init__(self, rules: DepthRules | None = None) -> None:
         self.rules = rules or DepthRules()
-        self.refused_null = 0
-        self.refused_jump = 0
+        self.refused_null = 0  #: number of readings dropped because they are not a depth
+        self.refused_jump = 0  #: number of readings dropped because the depth changed faster than a string can move
+        #: Number of readings dropped because they are not newer than an accepted reading, and no further readings
+        #: confirm that the clock was set back.
         self.refused_order = 0
         # These arrays take 17 bytes per reading; lists of numbers would take 70.
         self._stamps = array.array("q")

@@ -54,22 +54,13 @@ class MessageQueue:
     ----------
     limit : int
         Largest number of bytes that may wait.
-
-    Attributes
-    ----------
-    waiting_bytes : int
-        Number of bytes that wait now.
-    refused : int
-        Number of messages refused because the queue was full.
-    wake : Event
-        Set when the writer should read the queue.
     """
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
-        self.waiting_bytes = 0
-        self.refused = 0
-        self.wake = threading.Event()
+        self.waiting_bytes = 0  #: number of bytes that wait now
+        self.refused = 0  #: number of messages refused because the queue was full
+        self.wake = threading.Event()  #: set when the writer should read the queue
         self._items: deque[QueuedMessage | WriterCommand] = deque()
         self._lock = threading.Lock()
 

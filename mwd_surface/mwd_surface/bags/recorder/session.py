@@ -61,18 +61,6 @@ class Session:
     Attributes
     ----------
     state : RecorderState
-    reason : str
-        Reason of a pause or failure.
-    writing : bool
-        False while the disk is full or failing.
-    dropped : int
-        Number of messages removed from the queue but not written.
-    free : float
-        Free bytes on the disk at the last check; NaN if unknown.
-    began : float
-        Monotonic time of the beginning, s.
-    unsaved_since : float or None
-        Monotonic time of the oldest message not yet forced to the disk.
     """
 
     def __init__(
@@ -85,12 +73,13 @@ class Session:
         hooks: SessionHooks,
     ) -> None:
         self.writer = writer
+        #: `reason`: reason of a pause or failure.
         self.state, self.reason = RecorderState.RECORDING, ""
-        self.writing = True
-        self.dropped = 0
-        self.free: float = math.nan
-        self.began = time.monotonic()
-        self.unsaved_since: float | None = None
+        self.writing = True  #: false while the disk is full or failing
+        self.dropped = 0  #: number of messages removed from the queue but not written
+        self.free: float = math.nan  #: free bytes on the disk at the last check; NaN if unknown
+        self.began = time.monotonic()  #: monotonic time of the beginning, s
+        self.unsaved_since: float | None = None  #: monotonic time of the oldest message not yet forced to the disk
         self._folder, self._settings, self._definitions = folder, settings, definitions
         self._event_topic, self._hooks = event_topic, hooks
         self._channels: dict[tuple[str, str], int] = {}

@@ -54,12 +54,6 @@ class LinkFeed:
         Called with a sentence each time the link is restarted.
     clock : callable
         Steady time, s, that decides when to stop waiting for a stroke counter.
-
-    Attributes
-    ----------
-    tool, in_force : ToolConfiguration
-        Configuration from the settings, and configuration after downlink commands.
-    following : FollowingLink
     """
 
     def __init__(
@@ -69,6 +63,7 @@ class LinkFeed:
         warn: Callable[[str], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        #: `tool`, `in_force`: configuration from the settings, and configuration after downlink commands.
         self.tool, self.in_force, self._rules, self._warn, self._clock = tool, tool, rules, warn, clock
         # Keep the strokes before the first pressure sample: they give the crank angle at its beginning.
         self._early: deque[tuple[int, int]] = deque(maxlen=_EARLY)
@@ -212,15 +207,10 @@ class FollowingLink:
     ----------
     link : Link
         Link with the tool configuration in force.
-
-    Attributes
-    ----------
-    link : Link
-        Link in force.
     """
 
     def __init__(self, link: Link) -> None:
-        self.link = link
+        self.link = link  #: link in force
         self._next: Link | None = None
         self._echo = 0
         self._kept = LinkOutput()

@@ -315,11 +315,6 @@ class LinkSurveys:
         Errors of the tool code, used where the tool sends no sigma.
     quality : QualitySettings, optional
         Acceptance limits of a survey, the same as the estimator's.
-
-    Attributes
-    ----------
-    quality : QualitySettings
-        Acceptance limits of the surveys to come.
     """
 
     def __init__(
@@ -330,7 +325,7 @@ class LinkSurveys:
         quality: QualitySettings | None = None,
     ) -> None:
         self._reference, self._errors = reference, errors
-        self.quality = quality or QualitySettings()
+        self.quality = quality or QualitySettings()  #: acceptance limits of the surveys to come
         sent = {meanings.meaning_of(item.name) for tool in tools for items in tool.surveys for item in items}
         self._wanted = sent & set(_OF_SURVEY)
         longest = max(tool.transmit_delay_s + tool.head_s + 2.0 * _longest_s(tool) for tool in tools)
