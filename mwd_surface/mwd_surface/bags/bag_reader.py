@@ -223,10 +223,6 @@ class Bag:
     """
     A recording opened for reading: a rosbag2 directory, a bare ``.mcap`` or ``.db3`` file, or a ``.bag`` of ROS 1.
 
-    Parameters
-    ----------
-    path : Path or str
-
     Attributes
     ----------
     topics : dict of str to TopicInfo

@@ -255,8 +255,6 @@ class Machine:
     ----------
     tool : ToolConfiguration
         Tool configuration as delivered.
-    in_force : ToolSettings
-        Settings with which the tool runs now.
     counter : int
         Counter of the last command that was sent; 0: no command was sent.
     number : int

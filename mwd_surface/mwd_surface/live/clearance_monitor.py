@@ -25,14 +25,7 @@ _REMEDIES = {
 
 
 class ClearanceMonitor:
-    """
-    Monitor that compares the well with its offset wells in the background when list, plan or bit have changed.
-
-    Parameters
-    ----------
-    plan : PlanMonitor
-        The planned path.
-    """
+    """Monitor that compares the well with its offset wells in the background when list, plan or bit have changed."""
 
     def __init__(self, context: WellContext, plan: PlanMonitor) -> None:
         self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log

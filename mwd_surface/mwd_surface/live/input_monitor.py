@@ -22,8 +22,6 @@ class InputMonitor:
 
     Parameters
     ----------
-    selection : SourceSelection
-        Arbitration of the sources of rig data.
     link : bool
         Whether the tool is received over a telemetry link, whose words have stamps of the rig's gauge.
     """

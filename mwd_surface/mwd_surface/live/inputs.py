@@ -125,14 +125,7 @@ class InputClock:
 
 
 class DepthSources:
-    """
-    Bit depths from sources of rig data, from a person and from the block, and the choice of the depth in force.
-
-    Parameters
-    ----------
-    selection : SourceSelection
-        Arbitration of the sources of rig data.
-    """
+    """Bit depths from sources of rig data, from a person and from the block, and the choice of the depth in force."""
 
     def __init__(self, selection: SourceSelection) -> None:
         self._selection = selection

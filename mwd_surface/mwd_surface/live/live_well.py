@@ -103,14 +103,8 @@ class LiveWell:
         Shared objects of the well; the clock is at the time of the start.
     decode : callable
         `decode(topic, data)` returns a serialised message as an object with the fields of its type.
-    book : SurveyBook
-        The survey list, of the same context.
-    plan : PlanMonitor
-        The planned path, of the same context.
     full_name : str
         Full name of the surface node, with the namespace of the well.
-    stretches : iterable of DrilledStretch
-        Intervals of the slide sheet so far.
     said : collection of str
         Topics of the surface node that come as messages; the content of its other topics is computed here.
     """
@@ -393,8 +387,6 @@ class SlideRecorder:
 
     Parameters
     ----------
-    rules : SlideRules
-        Rules by which an interval counts as sliding.
     earlier : iterable of DrilledStretch
         Intervals from earlier runs of the surface, oldest first.
     """

@@ -39,8 +39,6 @@ class StreamDecoder:
     on_rig_input : callable
         `on_rig_input(frame, samples)`, called with the rig data of every source, in force or not, before the source in
         force is used.
-    rig_sources : SourceSelection
-        Arbitration of the sources of rig data.
     """
 
     def __init__(

@@ -54,12 +54,6 @@ class SurveyBook:
 
     Parameters
     ----------
-    plan : PlanMonitor
-        The planned path.
-    surveys : SurveyList
-        Survey list at the start.
-    depth : DepthRules
-        Rules for pairing surveys with depths.
     log_step : float
         Depth step of the log channels, m.
     """

@@ -35,14 +35,7 @@ _ALWAYS_CHANGING = ("heartbeat_age", "remaining", "achieved")
 
 
 class ControlServer:
-    """
-    ROS interface of the control authority of one well.
-
-    Parameters
-    ----------
-    context : SurfaceContext
-        Node, live state and alarm log of the surface.
-    """
+    """ROS interface of the control authority of one well."""
 
     def __init__(self, context: SurfaceContext, settings: ControlSettings) -> None:
         self._context, self._node, self._live = context, context.node, context.live

@@ -46,12 +46,8 @@ class DownlinkServer:
 
     Parameters
     ----------
-    context : SurfaceContext
-        Node, live state and alarm log.
     settings : DownlinkSettings
         Settings of the downlink; without a tool file, no topic or service is opened.
-    authority : ControlAuthority
-        Authority that grants control of the rig.
 
     Raises
     ------

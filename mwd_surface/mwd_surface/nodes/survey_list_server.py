@@ -57,8 +57,6 @@ class SurveyListServer(SurveyBook):
         Node, folder, alarm log and worker. The list is stored in the subfolder `surveys`, exported files in `exports`.
     settings : SurfaceSettings
         Settings of the surface, of which only the sections `well`, `rules`, `leg` and `depth` are used.
-    plan : PlanMonitor
-        Monitor with the planned path.
 
     Attributes
     ----------

@@ -38,13 +38,6 @@ class NodeOutlet(WellOutlet):
     """
     Outlet that publishes, saves and logs the results of a well.
 
-    Parameters
-    ----------
-    worker : BackgroundWorker
-        Worker thread for slow work.
-    slide_file : Path
-        File of the slide sheet.
-
     Attributes
     ----------
     alarm_log : AlarmLog

@@ -64,8 +64,6 @@ class SecretAccess:
 
     Parameters
     ----------
-    token : str
-        The secret; only its hash is kept.
     clock : callable
         Steady time, s.
 

@@ -119,15 +119,6 @@ def locate(readings: SurfaceReadings, known: SondeFacts, errors: ReadingErrors =
 
     The sonde is assumed to be below all points of the receiver.
 
-    Parameters
-    ----------
-    readings : SurfaceReadings
-        Points of the receiver and the field there.
-    known : SondeFacts
-        Facts about the sonde, each with 1 sigma.
-    errors : ReadingErrors
-        1 sigma of the errors of a reading.
-
     Raises
     ------
     ValueError

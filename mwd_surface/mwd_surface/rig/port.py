@@ -96,8 +96,6 @@ class RigPort:
 
     Parameters
     ----------
-    well : str
-        Name of the well.
     on_rig_state : callable, optional
         `on_rig_state(frame, samples)`, called in a thread of the interface; frame: frame id that names the interface,
         samples: `wire.RIG_STATE` samples from the rig.

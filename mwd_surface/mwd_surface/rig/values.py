@@ -134,12 +134,8 @@ def rig_values(
 
     Parameters
     ----------
-    state : WellState
-        State of the well, the same as on the page.
     surveys : sequence of AcceptedSurvey
         Result of `survey.accepted_surveys` for the list in force.
-    now_ns : int
-        Present time of the node.
     active, simulated : bool
         Whether the node is active, and whether the tool is simulated.
     previous : RigValues, optional

@@ -195,8 +195,6 @@ class RodLog:
 
     Parameters
     ----------
-    path : Path
-        File of the log; it need not exist.
     most_bytes : int
         Largest number of bytes to read. Of a longer file only the end is read; its cut-off beginning counts as one
         unreadable line.

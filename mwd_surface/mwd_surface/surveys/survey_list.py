@@ -202,12 +202,8 @@ class SurveyList:
 
         Parameters
         ----------
-        sequence : int
-            Number of the survey.
         operator_name, reason : str
             Person and reason. The name must not be empty.
-        stamp_ns : int
-            Time of the decision.
         measured_depth : float
             New depth of the survey, m; NaN keeps the present one.
         replace : bool

@@ -44,13 +44,6 @@ def unlisted(bag: Bag, namespace: str = "") -> list[Unlisted]:
 
     Intervals for which the link gave no reason are left out. A wired tool also sends without flow, so its lost surveys
     cannot be found.
-
-    Parameters
-    ----------
-    bag : Bag
-        Recording of a surface that receives the tool over links.
-    namespace : str
-        Namespace of the well.
     """
     prefix = namespace.strip("/")
     if not all(any(topic.type_name == kind for topic in bag.topics.values()) for kind in (_WORD, _QUALITY)):

@@ -62,14 +62,7 @@ class _Pass:
 
 
 class CarrierReceiver(SampledReceiver):
-    """
-    Receiver of a tool that sends on a carrier.
-
-    Parameters
-    ----------
-    tool : ToolConfiguration
-        Tool configuration with the code psk.
-    """
+    """Receiver of a tool that sends on a carrier."""
 
     def __init__(self, tool: ToolConfiguration) -> None:
         self._tool, self._carrier = tool, tool.carrier

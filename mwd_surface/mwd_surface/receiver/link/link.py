@@ -92,8 +92,6 @@ class Link:
 
     Parameters
     ----------
-    tool : ToolConfiguration
-        Tool configuration, the same as in the tool.
     name : str
         mud_pulse, em, coil or serial.
     stamp_ns : callable
@@ -367,8 +365,6 @@ class ToolFlow:
 
     Parameters
     ----------
-    tool : ToolConfiguration
-        Tool configuration, the same as in the tool.
     spans : FlowSpans
         Spans without flow; for a link through the earth this class adds them from the rig's flow.
     """

@@ -48,8 +48,6 @@ class LinkFeed:
 
     Parameters
     ----------
-    tool : ToolConfiguration
-        Tool configuration, the same as in the tool.
     warn : callable
         Called with a sentence each time the link is restarted.
     clock : callable
@@ -200,14 +198,7 @@ class LinkFeed:
 
 
 class FollowingLink:
-    """
-    Link to a tool that takes downlink commands.
-
-    Parameters
-    ----------
-    link : Link
-        Link with the tool configuration in force.
-    """
+    """Link to a tool that takes downlink commands."""
 
     def __init__(self, link: Link) -> None:
         self.link = link  #: link in force

@@ -100,8 +100,6 @@ def survey(
     ----------
     values : dict
         Believed words by their meaning (`telemetry.meanings`).
-    sequence : int
-        Number of the survey, from 1.
     link : str
         Name of the link, for the reasons.
     reference : Reference or None

@@ -60,16 +60,7 @@ APPLICATION = "urn:mwd:surface"
 
 
 class OpcuaAccess:
-    """
-    Access rules of one server.
-
-    Parameters
-    ----------
-    folder : Path or None
-        Folder of the certificates.
-    ua : module
-        `asyncua.ua`.
-    """
+    """Access rules of one server."""
 
     def __init__(self, settings: OpcuaSettings, folder: Path | None, ua: Any) -> None:
         self.settings, self._folder, self._ua = settings, folder, ua
@@ -235,8 +226,6 @@ class SubscriptionLimits:
 
     Parameters
     ----------
-    ua : module
-        `asyncua.ua`.
     service : asyncua.server.subscription_service.SubscriptionService
         Service whose methods that answer requests are replaced by the methods of this object.
     """

@@ -321,8 +321,6 @@ class SurveyHistory:
 
     Parameters
     ----------
-    ua : module
-        `asyncua.ua`.
     nodes : dict
         Node id of each variable, by its name.
     """
@@ -467,8 +465,6 @@ async def add_well(ua: Any, server: Any, well: str) -> tuple[Any, dict[str, Any]
 
     Parameters
     ----------
-    ua : module
-        `asyncua.ua`.
     well : str
         Browse name of the object.
 
@@ -557,8 +553,6 @@ class Conditions:
 
     Parameters
     ----------
-    ua : module
-        `asyncua.ua`.
     source : asyncua.Node
         Object of the well that is the source of the events.
     """
