@@ -28,8 +28,7 @@ from mwd_surface.commands.terminal import PrintableStream, facts, output, remark
 from mwd_surface.control.lease_numbers import LeaseNumbers
 from mwd_surface.downlink.memory import Memory
 from mwd_surface.live.alarms import AlarmLog, Severity
-from mwd_surface.live.clearance_monitor import _compare
-from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.plan_monitor import PlanMonitor, _compare
 from mwd_surface.live.settings import PlanSettings
 from mwd_surface.page import commands
 from mwd_surface.surveys.list_rules import ListRules

@@ -132,7 +132,7 @@ def _opened(
     host, _, port = rest.rpartition(":")
     said = pressure_table.columns_of(columns)
     if kind == "lines" and rest == "-" and not wired:
-        return network_sources.LineSource(network_sources.Pipe(0), said, clock)
+        return network_sources.LineSource(sources.Pipe(0), said, clock)
     if kind == "opcua" and rest and not wired:
         return network_sources.OpcUaSource(rest, said)
     if kind in ("tcp", "wits") and host and port.isdigit() and not wired:

@@ -267,8 +267,7 @@ def _new_folder(output: Path | None, namespace: str, *, resume: bool) -> Path:
 
 def _conclude(bag: Path, truth: Path | None, convention: AngleConvention) -> None:
     from mwd_surface.bags.bag_reader import Bag, BagError
-    from mwd_surface.surveys.score import score
-    from mwd_surface.surveys.unlisted import unlisted
+    from mwd_surface.surveys.score import score, unlisted
 
     try:
         with Bag(bag) as opened:

@@ -316,12 +316,12 @@ class ControlAuthority:
             try:
                 limits = self._checked(request)
             except ValueError as error:
-                return ControlDecision(Permission.DENIED, 0, str(error))
+                return _denied(str(error))
             if self._closed or not self.settings.enabled:
-                return ControlDecision(Permission.DENIED, 0, self._closed or _SWITCHED_OFF)
+                return _denied(self._closed or _SWITCHED_OFF)
             for lease in (self._lease, self._pending):
                 if lease is not None and (lease.sender == request.sender) != (lease.name == request.controller):
-                    return ControlDecision(Permission.DENIED, 0, _not_the_same(lease, request))
+                    return _denied(_not_the_same(lease, request))
             owner = self._lease
             if owner is not None and owner.sender == request.sender:
                 return self._renew(owner, request, limits, now)
@@ -340,7 +340,7 @@ class ControlAuthority:
             beyond.append("duration")
         if beyond:
             text = "a lease can only be prolonged as it was granted; to get more, give it back and ask again"
-            return ControlDecision(Permission.DENIED, 0, f"{', '.join(beyond)}: more than was granted: {text}")
+            return _denied(f"{', '.join(beyond)}: more than was granted: {text}")
         owner.heard, owner.ends = now, max(owner.ends, self._end(request, now))
         return ControlDecision(Permission.GRANTED, owner.number, "renewed within the limits of the lease")
 
@@ -352,13 +352,11 @@ class ControlAuthority:
         if stronger is not None and not request.wait:
             priority = stronger.request.priority
             text = f"{stronger.name} has control, priority {priority}; set wait in the request, or ask later"
-            return ControlDecision(Permission.DENIED, 0, text)
+            return _denied(text)
         if pending is not None and pending.request.priority >= request.priority:
-            return ControlDecision(Permission.DENIED, 0, f"a request of {pending.name} is already waiting; ask later")
+            return _denied(f"a request of {pending.name} is already waiting; ask later")
         if self.upcoming > LARGEST_NUMBER:
-            return ControlDecision(
-                Permission.DENIED, 0, "all lease numbers of this well are used; give the well another folder"
-            )
+            return _denied("all lease numbers of this well are used; give the well another folder")
         lease = _Lease(self.upcoming, request, limits, now, math.inf, now)
         self.upcoming += 1
         if stronger is None and self.settings.grant == "automatic":
@@ -665,6 +663,10 @@ class ControlAuthority:
 
     def _log(self, text: str) -> None:
         self._events.append(text)
+
+
+def _denied(message: str) -> ControlDecision:
+    return ControlDecision(Permission.DENIED, 0, message)
 
 
 def _not_the_same(lease: _Lease, request: ControlRequest) -> str:

@@ -9,10 +9,9 @@ import math
 from typing import ClassVar
 
 from mwd_sensors.core.message_record import MessageRecord
+from mwd_sensors.core.units import LPM, RPM
 from mwd_surface.control.settings import ControlSettings
 
-_RPM = math.pi / 30.0
-_LITRE_PER_MINUTE = 1e-3 / 60.0
 _ROUNDING = 1.0 + 1e-6  # factor on a limit that allows for the rounding of float32 registers
 LARGEST_NUMBER = 2**32 - 1  # largest number of a lease or set-point, uint32 on the wire
 
@@ -50,12 +49,12 @@ class LeaseLimits:
     def of_settings(cls, settings: ControlSettings) -> LeaseLimits:
         """Return the limits set at the rig."""
         return cls(
-            settings.speed_rpm * _RPM,
-            settings.speed_rate_rpm_s * _RPM,
+            settings.speed_rpm * RPM,
+            settings.speed_rate_rpm_s * RPM,
             settings.torque_nm,
             math.radians(settings.turn_deg),
-            settings.flow_lpm * _LITRE_PER_MINUTE,
-            settings.left_speed_rpm * _RPM,
+            settings.flow_lpm * LPM,
+            settings.left_speed_rpm * RPM,
             math.radians(settings.left_turn_deg),
         )
 

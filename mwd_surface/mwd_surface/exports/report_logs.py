@@ -13,7 +13,7 @@ from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, 
 from mwd_surface.logs.depth_log import Curve
 from mwd_surface.logs.tool_health import ToolHealth
 from mwd_surface.plots.drawing import new_figure
-from mwd_surface.signals.signal import Display
+from mwd_surface.signals.table import Display
 from mwd_surface.signals.units import UNITS, UnitScale
 
 if TYPE_CHECKING:

@@ -25,12 +25,11 @@ from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.message_record import UnknownNumberError
 from mwd_sensors.core.wire import NANOSECONDS, RIG_VALID
-from mwd_surface.live.clearance_monitor import ClearanceMonitor
 from mwd_surface.live.diagnostics_monitor import DiagnosticsMonitor
 from mwd_surface.live.input_monitor import InputMonitor
 from mwd_surface.live.link_monitor import LinkMonitor
 from mwd_surface.live.log_monitor import LogMonitor
-from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.plan_monitor import ClearanceMonitor, PlanMonitor
 from mwd_surface.live.said import SaidByTheSurface
 from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
 from mwd_surface.live.source_selection import SourceRules, SourceSelection

@@ -31,8 +31,7 @@ from mwd_surface.live.link_state import LinkHealth
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import Chart, WellState
 from mwd_surface.logs.depth_log import Curve
-from mwd_surface.signals.signal import Signal
-from mwd_surface.signals.table import LISTED, page_fields
+from mwd_surface.signals.table import LISTED, Signal, page_fields
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import QualityLimits, totals
 from mwd_surface.surveys.survey_csv import Line

@@ -121,28 +121,25 @@ class RigPort:
     ) -> None:
         self.settings = settings
         self._clock = clock
-        self._interfaces: list[RigInterface] = []
         talk = settings.wits0
 
         def named(frame: str) -> OnRigState | None:
             return None if on_rig_state is None else functools.partial(on_rig_state, frame)
 
-        if settings.wits0_server.enabled:
-            self._interfaces.append(Wits0Server(settings.wits0_server, talk, named(WITS)))
-        if settings.wits0_client.enabled:
-            self._interfaces.append(Wits0Client(settings.wits0_client, talk, named(WITS)))
-        if settings.wits0_serial.enabled:
-            self._interfaces.append(Wits0Serial(settings.wits0_serial, talk, named(WITS)))
-        if settings.opcua.enabled:
-            self._interfaces.append(OpcuaServer(settings.opcua, well, on_command, folder, authority))
-        if settings.modbus.enabled:
-            self._interfaces.append(ModbusServer(settings.modbus, named(MODBUS), authority))
-        if settings.modbus_serial.enabled:
-            self._interfaces.append(ModbusSerial(settings.modbus_serial, settings.modbus, named(MODBUS), authority))
-        if settings.polled.enabled:
-            self._interfaces.append(PolledUnit(settings.polled))
-        if settings.blackboard.enabled:
-            self._interfaces.append(Blackboard(settings.blackboard, named(OPCUA)))
+        interfaces: tuple[tuple[bool, Callable[[], RigInterface]], ...] = (
+            (settings.wits0_server.enabled, lambda: Wits0Server(settings.wits0_server, talk, named(WITS))),
+            (settings.wits0_client.enabled, lambda: Wits0Client(settings.wits0_client, talk, named(WITS))),
+            (settings.wits0_serial.enabled, lambda: Wits0Serial(settings.wits0_serial, talk, named(WITS))),
+            (settings.opcua.enabled, lambda: OpcuaServer(settings.opcua, well, on_command, folder, authority)),
+            (settings.modbus.enabled, lambda: ModbusServer(settings.modbus, named(MODBUS), authority)),
+            (
+                settings.modbus_serial.enabled,
+                lambda: ModbusSerial(settings.modbus_serial, settings.modbus, named(MODBUS), authority),
+            ),
+            (settings.polled.enabled, lambda: PolledUnit(settings.polled)),
+            (settings.blackboard.enabled, lambda: Blackboard(settings.blackboard, named(OPCUA))),
+        )
+        self._interfaces = [make() for enabled, make in interfaces if enabled]
         self._store = WitsmlStore(settings.witsml_store) if settings.witsml_store.enabled else None
         if self._store is not None:
             self._interfaces.append(self._store)

@@ -27,7 +27,6 @@ from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.live.well_state import Angle, WellState
 from mwd_surface.rig.survey import AcceptedSurvey
-from mwd_surface.signals.signal import Signal
 from mwd_surface.signals.table import (
     FROM_ADVICE,
     FROM_CONTROL,
@@ -36,6 +35,7 @@ from mwd_surface.signals.table import (
     FROM_TOOL,
     OF_SURVEY,
     TO_RIG,
+    Signal,
     page_fields,
 )
 from mwd_surface.trajectory.advice import Advice, AdviceMode

@@ -15,7 +15,6 @@ import hashlib
 import json
 import os
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from mwd_sensors.core import budgets
@@ -76,9 +75,7 @@ class SurveyStore:
     def __enter__(self) -> SurveyStore:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def save(self, surveys: SurveyList) -> None:

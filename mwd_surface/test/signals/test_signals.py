@@ -18,8 +18,20 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
 from mwd_surface.exports import export_witsml
 from mwd_surface.rig.modbus.map import COUNT
-from mwd_surface.signals.signal import RIG, SOURCES, Signal
-from mwd_surface.signals.table import ATTITUDE, FACTS, FILE, LISTED, SERIES, SIGNALS, SURVEY_TABLE, TO_RIG, read_signals
+from mwd_surface.signals.table import (
+    ATTITUDE,
+    FACTS,
+    FILE,
+    LISTED,
+    RIG,
+    SERIES,
+    SIGNALS,
+    SOURCES,
+    SURVEY_TABLE,
+    TO_RIG,
+    Signal,
+    read_signals,
+)
 from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.survey_record import SurveyRecord
 

@@ -27,8 +27,15 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions, installed
 from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
 from mwd_surface.bags.mcap import recovery
-from mwd_surface.bags.recorder.message_queue import MessageQueue, QueuedMessage, WriterCommand
-from mwd_surface.bags.recorder.session import Session, SessionHooks, free_bytes, words_of
+from mwd_surface.bags.recorder.session import (
+    MessageQueue,
+    QueuedMessage,
+    Session,
+    SessionHooks,
+    WriterCommand,
+    free_bytes,
+    words_of,
+)
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.status import EventLevel, RecorderError, RecorderEvent, RecorderState, RecorderStatus
 

@@ -38,8 +38,7 @@ from mwd_surface.rig.interface import (
 )
 from mwd_surface.rig.opcua.address_space import MANIFEST, STATUS_CODES, VariableValue
 from mwd_surface.rig.values import RigValues
-from mwd_surface.signals.signal import Signal
-from mwd_surface.signals.table import TO_RIG
+from mwd_surface.signals.table import TO_RIG, Signal
 from mwd_surface.signals.units import UNITS
 
 # Manifest of the signals that this program sends, made from the signal table. A blackboard creates the variables that
