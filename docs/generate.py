@@ -74,8 +74,7 @@ def supervision() -> str:
 
 def signals() -> str:
     """Return the table of all signals, with the page, protocols and files in which each appears."""
-    from mwd_surface.signals.signal import SOURCES
-    from mwd_surface.signals.table import SIGNALS
+    from mwd_surface.signals.table import SIGNALS, SOURCES
     from mwd_surface.signals.units import UNITS
 
     heads = (

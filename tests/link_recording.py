@@ -10,7 +10,7 @@ from mwd_sensors.ros.messages import make
 from mwd_surface.receiver.link import link_attitude
 from mwd_surface.receiver.link.link_attitude import AgeRules
 from mwd_surface.receiver.link.link_feed import LinkFeed
-from mwd_surface.receiver.link.link_surveys import LinkSurveys
+from mwd_surface.receiver.link.link_survey import LinkSurveys
 from mwd_surface.ros import link_messages
 
 _ATTITUDE_NS = 500_000_000

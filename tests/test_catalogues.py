@@ -14,7 +14,7 @@ from mwd_surface.control.status import ControlState
 from mwd_surface.live.inputs import Role
 from mwd_surface.live.link_state import LinkHealth, LinkWordState, WordStatus
 from mwd_surface.live.well_state import WellState
-from mwd_surface.page.plain import word
+from mwd_surface.page.state_json import word
 from mwd_surface.surveys.leg import Origin
 from mwd_surface.trajectory.advice import AdviceMode
 

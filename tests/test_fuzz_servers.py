@@ -15,11 +15,10 @@ from hypothesis import given, settings
 from attacks import attacks
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
-from mwd_surface.rig.modbus.server import ModbusServer
-from mwd_surface.rig.modbus.settings import ModbusSettings
+from mwd_surface.rig.modbus.server import ModbusServer, ModbusSettings
+from mwd_surface.rig.opcua.access import OpcuaSettings
 from mwd_surface.rig.opcua.server import OpcuaServer
-from mwd_surface.rig.opcua.settings import OpcuaSettings
-from mwd_surface.rig.wits.server import Wits0Server, Wits0ServerSettings
+from mwd_surface.rig.wits.connections import Wits0Server, Wits0ServerSettings
 
 pytestmark = [pytest.mark.fuzz, pytest.mark.slow]
 

@@ -28,10 +28,9 @@ from mwd_surface.commands.terminal import PrintableStream, facts, output, remark
 from mwd_surface.control.lease_numbers import LeaseNumbers
 from mwd_surface.downlink.memory import Memory
 from mwd_surface.live.alarms import AlarmLog, Severity
-from mwd_surface.live.clearance_monitor import _compare
-from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.plan_monitor import PlanMonitor, _compare
 from mwd_surface.live.settings import PlanSettings
-from mwd_surface.page import access
+from mwd_surface.page import commands
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_store import SurveyStore
 from mwd_surface.surveys.well import Well
@@ -154,7 +153,7 @@ READERS = {
     "tool_file": lambda file: error_of(tool_configuration.read_several, [file]),
     "place.observatory_file": lambda file: error_of(Observatory, Place(observatory_file=str(file))),
     "tool.assembly_file": lambda file: error_of(derivation.assembly, Tool(assembly_file=str(file))),
-    "page.token_file": lambda file: error_of(access.read_token, str(file), {}),
+    "page.token_file": lambda file: error_of(commands.read_token, str(file), {}),
     "downlink.json": lambda file: error_of(Memory(file).read, tool_configuration.ToolConfiguration()),
     "metadata.yaml of replay.bag": metadata,
     "replay.bag, MCAP": recording(".mcap"),

@@ -36,7 +36,7 @@ from mwd_sensors.core import settings, wire
 from mwd_sensors.core.frames import mat_nt
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.bags.mcap.recovery_report import check
+from mwd_surface.bags.mcap.recovery import check
 from mwd_surface.bags.recorder.recorder import Recorder
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.processing import attitude_csv, process

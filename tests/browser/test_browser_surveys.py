@@ -9,8 +9,7 @@ import pytest
 from browser_page import ALL_SIZES, EVIL, By, click, rig_on, survey, tab, text, wait
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import SurveyProgress
-from mwd_surface.surveys.branches import Branch
-from mwd_surface.surveys.closure import CONSISTENT, Closure
+from mwd_surface.surveys.mine_hole import CONSISTENT, Branch, Closure
 
 pytestmark = pytest.mark.slow(0.1)
 

@@ -31,17 +31,17 @@ from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.rig.modbus.map import COUNT, ModbusForm, float_of
-from mwd_surface.rig.modbus.settings import ModbusSettings
+from mwd_surface.rig.modbus.server import ModbusSettings
+from mwd_surface.rig.opcua.access import OpcuaSettings
 from mwd_surface.rig.opcua.address_space import NAMESPACE as OPCUA_NAMESPACE
-from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.polled.unit import usable
 from mwd_surface.rig.port import RigPort, RigSettings
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.values import rig_values
+from mwd_surface.rig.wits.connections import Wits0ServerSettings
 from mwd_surface.rig.wits.format import Decoder
 from mwd_surface.rig.wits.link import Wits0Settings
 from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
-from mwd_surface.rig.wits.server import Wits0ServerSettings
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well

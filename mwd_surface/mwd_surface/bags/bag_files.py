@@ -33,10 +33,9 @@ from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import check_regular, open_regular
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_metadata import BagMetadata, MetadataError
-from mwd_surface.bags.mcap.compression import Decompressor
 from mwd_surface.bags.mcap.contents import Contents
 from mwd_surface.bags.mcap.reader import McapFile
-from mwd_surface.bags.mcap.records import MAGIC, FormatError
+from mwd_surface.bags.mcap.records import MAGIC, Decompressor, FormatError
 from mwd_surface.bags.mcap.walk import walk_records
 from mwd_surface.bags.ros1_bag import Ros1Bag
 from mwd_surface.bags.topic_info import CDR, PACKED, REMEDY, ROS1, TopicInfo, cdr_problem, listed, read_as
@@ -74,16 +73,6 @@ class BagFiles:
     ----------
     topics, unreadable, start_ns, end_ns, notes, files, size_bytes, storage, custom, complete, lost_bytes
         See `bag_reader.Bag`.
-    message_compression : bool
-        Whether each message is compressed separately.
-    mcap : list of (McapFile, Contents)
-        The opened files with their contents; empty for other storage.
-    names : list of dict of int to str
-        For each MCAP file: topic name by channel number.
-    ros1 : list of dict of int to str
-        For each MCAP file: message type by channel number, for channels in the ROS 1 encoding.
-    other : DatabaseFiles, Ros1Bag or None
-        Reader of a bag with other storage; None for MCAP.
 
     Raises
     ------
@@ -103,12 +92,14 @@ class BagFiles:
         self.files: list[Path] = []
         self.size_bytes = 0
         self.storage = ""
-        self.message_compression = False
+        self.message_compression = False  #: whether each message is compressed separately
+        #: The opened files with their contents; empty for other storage.
         self.mcap: list[tuple[McapFile, Contents]] = []
-        self.names: list[dict[int, str]] = []
+        self.names: list[dict[int, str]] = []  #: for each MCAP file: topic name by channel number
+        #: For each MCAP file: message type by channel number, for channels in the ROS 1 encoding.
         self.ros1: list[dict[int, str]] = []
         self._probed: set[str] = set()
-        self.other: DatabaseFiles | Ros1Bag | None = None
+        self.other: DatabaseFiles | Ros1Bag | None = None  #: reader of a bag with other storage; None for MCAP
         self._scratch: tempfile.TemporaryDirectory[str] | None = None
         try:
             self._open()

@@ -32,22 +32,11 @@ class DefinitionError(LookupError):
 
 @dataclasses.dataclass(frozen=True)
 class Definition:
-    """
-    Definition of one message type for a recording.
+    """Definition of one message type for a recording."""
 
-    Attributes
-    ----------
-    type_name : str
-        ``package/msg/Name``.
-    text : str
-        The ``ros2msg`` schema: the definition of the type, then the definitions of all types that it uses.
-    type_hash : str
-        RIHS01 hash (REP-2016).
-    """
-
-    type_name: str
-    text: str
-    type_hash: str
+    type_name: str  #: ``package/msg/Name``
+    text: str  #: the ``ros2msg`` schema: the definition of the type, then the definitions of all types that it uses
+    type_hash: str  #: RIHS01 hash (REP-2016)
 
 
 def share_folders() -> list[Path]:

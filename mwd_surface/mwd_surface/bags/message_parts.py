@@ -22,25 +22,15 @@ _HEAD = struct.Struct("<IQQ")  # sequence number, log time and publish time of a
 
 @dataclasses.dataclass
 class MessagePart:
-    """
-    Messages of one span of a file, selected and in time order.
+    """Messages of one span of a file, selected and in time order."""
 
-    Attributes
-    ----------
-    rank : (int, int)
-        Sort key of the span: number of the file, byte offset in the file.
-    file : int
-        Number of the file.
-    data : ndarray of uint8
-        Bytes that contain the messages.
-        In front of each payload are sequence number, log time and publish time, as in a record of an MCAP file.
-    log_ns, offset, size, channel : ndarray, shape (n,)
-        For each message: log time, ns; offset and length of its payload; channel number in the file.
-    """
-
-    rank: tuple[int, int]
-    file: int
+    rank: tuple[int, int]  #: sort key of the span: number of the file, byte offset in the file
+    file: int  #: number of the file
+    #: Bytes that contain the messages. In front of each payload are sequence number, log time and publish time, as in a
+    #: record of an MCAP file.
     data: NDArray[np.uint8]
+    #: `log_ns`, `offset`, `size`, `channel`: shape (n,); for each message: log time, ns; offset and length of its
+    #: payload; channel number in the file.
     log_ns: Stamps
     offset: NDArray[np.int64]
     size: NDArray[np.int64]
@@ -69,19 +59,10 @@ class MessagePart:
 
 @dataclasses.dataclass
 class Decoded:
-    """
-    Samples of the messages of one span of a file.
+    """Samples of the messages of one span of a file."""
 
-    Attributes
-    ----------
-    rank : (int, int)
-        See `MessagePart`.
-    samples : list of (topic, log_ns, samples)
-        Samples of each topic in order of log time, as an array or a list.
-    """
-
-    rank: tuple[int, int]
-    samples: list[tuple[str, Stamps, Any]]
+    rank: tuple[int, int]  #: see `MessagePart`
+    samples: list[tuple[str, Stamps, Any]]  #: samples of each topic in order of log time, as an array or a list
 
     def __len__(self) -> int:
         return sum(len(log_ns) for _, log_ns, _ in self.samples)

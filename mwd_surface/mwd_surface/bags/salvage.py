@@ -19,7 +19,7 @@ from mwd_surface.bags.bag_metadata import FILE_NAME
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.mcap import recovery
-from mwd_surface.bags.mcap.recovery_report import RecoveryReport
+from mwd_surface.bags.mcap.recovery import RecoveryReport
 from mwd_surface.bags.topic_info import TopicInfo
 
 # Rows read from a damaged database at once; number of consecutive empty reads that end the search.
@@ -117,16 +117,7 @@ def _saved(path: Path, files: list[Path], target: Path, reason: str) -> Recovery
 
 
 class _Database:
-    """
-    A damaged database.
-
-    Attributes
-    ----------
-    topics : dict of int to (name, type)
-        Topics by their number in the database.
-    lost : int
-        Number of rows that could not be read in the last call of `messages`.
-    """
+    """A damaged database."""
 
     def __init__(self, file: Path, copy: Path) -> None:
         for source in (file, *file.parent.glob(f"{file.name}-wal"), *file.parent.glob(f"{file.name}-journal")):
@@ -140,8 +131,8 @@ class _Database:
             whole = (page if page != 1 else 65536) * int.from_bytes(head[28:32], "big")
             if self._bytes < whole <= _LONGEST * max(self._bytes, 1):
                 opened.truncate(whole)
-        self.lost = 0
-        self.topics: dict[int, tuple[str, str]] = {}
+        self.lost = 0  #: number of rows that could not be read in the last call of `messages`
+        self.topics: dict[int, tuple[str, str]] = {}  #: topics by their number in the database
         try:
             rows = self._ask("SELECT id, name, type FROM topics WHERE serialization_format = 'cdr'")
             self.topics = {int(number): (str(name), str(kind)) for number, name, kind in rows}

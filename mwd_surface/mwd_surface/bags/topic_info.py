@@ -33,37 +33,20 @@ _CDR_HEADS = (_BIG_ENDIAN, b"\x00\x01")
 
 @dataclasses.dataclass(frozen=True)
 class TopicInfo:
-    """
-    One topic of a bag.
-
-    Attributes
-    ----------
-    count : int
-        Number of messages, from the index of the bag.
-    schema_encoding, schema : str
-        Definition of the type inside the bag; empty if the bag has none.
-    type_hash : str
-        RIHS01 hash, empty if unknown.
-    qos : str
-        Offered profiles as YAML, empty if unknown.
-    serialization : str
-        Encoding of the messages that the reader returns: ``cdr`` for ROS 2.
-    problem : str
-        Reason why the messages cannot be read; empty if they can.
-    quantity : str
-        For messages of one vector (`wire.VECTOR`): field of `wire.IMU` or `wire.MAG` that the vector fills; empty if
-        unknown.
-    """
+    """One topic of a bag."""
 
     name: str
     type_name: str
-    count: int
+    count: int  #: number of messages, from the index of the bag
+    #: `schema_encoding`, `schema`: definition of the type inside the bag; empty if the bag has none.
     schema_encoding: str = ""
     schema: str = ""
-    type_hash: str = ""
-    qos: str = ""
-    serialization: str = CDR
-    problem: str = ""
+    type_hash: str = ""  #: RIHS01 hash, empty if unknown
+    qos: str = ""  #: offered profiles as YAML, empty if unknown
+    serialization: str = CDR  #: encoding of the messages that the reader returns: ``cdr`` for ROS 2
+    problem: str = ""  #: reason why the messages cannot be read; empty if they can
+    #: For messages of one vector (`wire.VECTOR`): field of `wire.IMU` or `wire.MAG` that the vector fills; empty if
+    #: unknown.
     quantity: str = ""
 
     @property

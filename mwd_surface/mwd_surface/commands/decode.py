@@ -111,11 +111,11 @@ def _received(receiver: Receiver, read: PressureFile, strokes: dict[int, Array])
 def _write(folder: Path, configuration: ToolConfiguration, read: PressureFile, got: Reception) -> str:
     """Write the tables of words and surveys, and for a sampled signal a plot; return the names of the files."""
     from mwd_surface.plots.drawing import png
-    from mwd_surface.receiver import picture, word_files
+    from mwd_surface.receiver import picture, words
 
     folder.mkdir(parents=True, exist_ok=True)
-    write_whole(folder / "words.csv", word_files.words_csv(got.words))
-    write_whole(folder / "surveys.csv", word_files.surveys_csv(got.words))
+    write_whole(folder / "words.csv", words.words_csv(got.words))
+    write_whole(folder / "surveys.csv", words.surveys_csv(got.words))
     if configuration.code == "serial":
         return "words.csv, surveys.csv"
     quantity = picture.VOLTAGE if configuration.medium in ("earth", "coil") else picture.PRESSURE

@@ -17,8 +17,7 @@ from mwd_surface.commands import terminal
 if TYPE_CHECKING:
     from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
     from mwd_surface.receiver.sources import SampleSource
-    from mwd_surface.receiver.word_files import WordFiles
-    from mwd_surface.receiver.words import ReceivedWord, Reception
+    from mwd_surface.receiver.words import ReceivedWord, Reception, WordFiles
 
 _PAUSE_S = 0.05  # time between two reads of the source, s
 
@@ -68,7 +67,7 @@ def listen(
       mwd listen opcua:opc.tcp://192.168.1.40:4840 --columns "pressure_bar=ns=2;s=SPP" --tool tool.yaml -o heard
     """
     from mwd_sensors.telemetry import tool_configuration
-    from mwd_surface.receiver import word_files
+    from mwd_surface.receiver import words
     from mwd_surface.receiver.link import receivers
     from mwd_surface.receiver.lone_stamps import SteadyTimes
 
@@ -78,7 +77,7 @@ def listen(
     opened = _opened(source, configuration, gauge, columns, lambda: time.monotonic() - began)
     output.mkdir(parents=True, exist_ok=True)
     said = ""
-    with word_files.WordFiles(output) as files:
+    with words.WordFiles(output) as files:
         try:
             while not (opened.ended or (seconds and time.monotonic() - began > seconds)):
                 _print_words(receiver.push(*steady(*opened.read())), files)
@@ -133,7 +132,7 @@ def _opened(
     host, _, port = rest.rpartition(":")
     said = pressure_table.columns_of(columns)
     if kind == "lines" and rest == "-" and not wired:
-        return network_sources.LineSource(network_sources.Pipe(0), said, clock)
+        return network_sources.LineSource(sources.Pipe(0), said, clock)
     if kind == "opcua" and rest and not wired:
         return network_sources.OpcUaSource(rest, said)
     if kind in ("tcp", "wits") and host and port.isdigit() and not wired:

@@ -86,7 +86,7 @@ def print_manifest() -> None:
     """
     import json
 
-    from mwd_surface.rig.blackboard.manifest import manifest
+    from mwd_surface.rig.blackboard.client import manifest
 
     typer.echo(json.dumps(manifest(), indent=2))
 

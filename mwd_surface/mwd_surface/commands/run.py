@@ -109,7 +109,7 @@ def run(
     """
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
-    from mwd_surface.bags.recorder.folder import recordings_named
+    from mwd_surface.bags.recorder.recorder import recordings_named
     from mwd_surface.commands import node, terminal
     from mwd_surface.runs import launch_plan
 
@@ -267,8 +267,7 @@ def _new_folder(output: Path | None, namespace: str, *, resume: bool) -> Path:
 
 def _conclude(bag: Path, truth: Path | None, convention: AngleConvention) -> None:
     from mwd_surface.bags.bag_reader import Bag, BagError
-    from mwd_surface.surveys.score import score
-    from mwd_surface.surveys.unlisted import unlisted
+    from mwd_surface.surveys.score import score, unlisted
 
     try:
         with Bag(bag) as opened:

@@ -207,8 +207,7 @@ def repeated(rows: Sequence[TableSurvey], settings: EstimatorSettings) -> list[s
     import numpy as np
 
     from mwd_estimation.settings.derivation import sensor_errors
-    from mwd_surface.surveys.check_shots import check_shots
-    from mwd_surface.surveys.repeated_surveys import sentence
+    from mwd_surface.surveys.check_shots import check_shots, sentence
 
     if len(rows) < 2:
         return []

@@ -53,17 +53,13 @@ class ControlAnswer:
 
 @dataclasses.dataclass(frozen=True)
 class Wish:
-    """
-    Request for control.
-
-    duration : length of the lease, s.
-    speed, left_speed : limits, rad/s; 0 means the limit set at the rig.
-    """
+    """Request for control."""
 
     name: str = "conformance one"
     priority: int = 5
     wait: bool = False
-    duration: float = 0.0
+    duration: float = 0.0  #: length of the lease, s
+    #: `speed`, `left_speed`: limits, rad/s; 0 means the limit set at the rig.
     speed: float = 0.0
     left_speed: float = 0.0
 

@@ -28,11 +28,6 @@ class OpcuaConformance:
     """
     OPC UA server under test.
 
-    Parameters
-    ----------
-    well : str
-        Name of the object with the methods.
-
     Raises
     ------
     ValueError

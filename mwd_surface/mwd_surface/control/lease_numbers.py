@@ -22,18 +22,11 @@ _LARGEST = 2**32 - 1  # largest lease number, uint32 on the wire
 
 
 class LeaseNumbers:
-    """
-    Lease numbers of one well, kept in a file.
-
-    Attributes
-    ----------
-    end : int
-        One more than the last reserved number.
-    """
+    """Lease numbers of one well, kept in a file."""
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        self.end = 0
+        self.end = 0  #: one more than the last reserved number
 
     def first(self, at_least: int) -> int:
         """

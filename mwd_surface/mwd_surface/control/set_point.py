@@ -9,10 +9,9 @@ import math
 from typing import ClassVar
 
 from mwd_sensors.core.message_record import MessageRecord
+from mwd_sensors.core.units import LPM, RPM
 from mwd_surface.control.settings import ControlSettings
 
-_RPM = math.pi / 30.0
-_LITRE_PER_MINUTE = 1e-3 / 60.0
 _ROUNDING = 1.0 + 1e-6  # factor on a limit that allows for the rounding of float32 registers
 LARGEST_NUMBER = 2**32 - 1  # largest number of a lease or set-point, uint32 on the wire
 
@@ -33,27 +32,16 @@ class LeaseLimits:
     Limits of a lease, not below 0.
 
     In a request, 0 means the limit set at the rig; a left-hand limit of 0 means that left-hand motion is not requested.
-
-    Attributes
-    ----------
-    speed, speed_rate : float
-        Limits of the top drive, rad/s and rad/s^2; the speed is clockwise looking downhole.
-    torque : float
-        Limit of the torque measured at the top drive, N m.
-    turn : float
-        Limit of one clockwise turn (mode ORIENT), rad.
-    flow : float
-        Limit of the flow, m^3/s.
-    left_speed, left_turn : float
-        Counter-clockwise limits, rad/s and rad. Left-hand motion can unscrew the string, so it must be requested
-        explicitly.
     """
 
+    #: `speed`, `speed_rate`: limits of the top drive, rad/s and rad/s^2; the speed is clockwise looking downhole.
     speed: float = 0.0
     speed_rate: float = 0.0
-    torque: float = 0.0
-    turn: float = 0.0
-    flow: float = 0.0
+    torque: float = 0.0  #: limit of the torque measured at the top drive, N m
+    turn: float = 0.0  #: limit of one clockwise turn (mode ORIENT), rad
+    flow: float = 0.0  #: limit of the flow, m^3/s
+    #: `left_speed`, `left_turn`: counter-clockwise limits, rad/s and rad. Left-hand motion can unscrew the string, so
+    #: it must be requested explicitly.
     left_speed: float = 0.0
     left_turn: float = 0.0
 
@@ -61,12 +49,12 @@ class LeaseLimits:
     def of_settings(cls, settings: ControlSettings) -> LeaseLimits:
         """Return the limits set at the rig."""
         return cls(
-            settings.speed_rpm * _RPM,
-            settings.speed_rate_rpm_s * _RPM,
+            settings.speed_rpm * RPM,
+            settings.speed_rate_rpm_s * RPM,
             settings.torque_nm,
             math.radians(settings.turn_deg),
-            settings.flow_lpm * _LITRE_PER_MINUTE,
-            settings.left_speed_rpm * _RPM,
+            settings.flow_lpm * LPM,
+            settings.left_speed_rpm * RPM,
             math.radians(settings.left_turn_deg),
         )
 
@@ -96,37 +84,24 @@ class LeaseLimits:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SetPoint(MessageRecord):
-    """
-    Set-point of the top drive or, with mode PUMP, of the pumps; with the fields of mwd_msgs/RigCommand.
-
-    Attributes
-    ----------
-    mode : int
-        Value of `Mode`.
-    lease, sequence : int
-        Number of the lease, and number of the set-point, which increases within the lease; sequence 0 is a heartbeat.
-    rotary_speed, turn, flow_rate : float
-        Speed for ROTATE, rad/s; turn for ORIENT, rad; flow for PUMP, m^3/s.
-    valid_for : float
-        Validity, s, above 0; without a newer command the string is held after this time.
-    returns : bool
-        With mode ROTATE: whether the rig returns to the driller's settings after `valid_for` instead of holding the
-        string. With mode PUMP it always returns.
-    stamp_ns : int
-        Stamp of the toolface that led to the set-point, ns since the epoch, or 0.
-    """
+    """Set-point of the top drive or, with mode PUMP, of the pumps; with the fields of mwd_msgs/RigCommand."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/RigCommand"
 
-    mode: int
+    mode: int  #: value of `Mode`
+    #: `lease`, `sequence`: number of the lease, and number of the set-point, which increases within the lease; sequence
+    #: 0 is a heartbeat.
     lease: int
     sequence: int
+    #: `rotary_speed`, `turn`, `flow_rate`: speed for ROTATE, rad/s; turn for ORIENT, rad; flow for PUMP, m^3/s.
     rotary_speed: float = 0.0
     turn: float = 0.0
     flow_rate: float = 0.0
-    valid_for: float = 10.0
+    valid_for: float = 10.0  #: validity, s, above 0; without a newer command the string is held after this time
+    #: With mode ROTATE: whether the rig returns to the driller's settings after `valid_for` instead of holding the
+    #: string. With mode PUMP it always returns.
     returns: bool = False
-    stamp_ns: int = 0
+    stamp_ns: int = 0  #: stamp of the toolface that led to the set-point, ns since the epoch, or 0
 
 
 def check(point: SetPoint, limits: LeaseLimits) -> None:

@@ -67,24 +67,15 @@ class Sender:
 
 @dataclasses.dataclass(frozen=True)
 class ControlRequest:
-    """
-    Request for control; as mwd_msgs/RequestControl.
+    """Request for control; as mwd_msgs/RequestControl."""
 
-    sender: sender, who becomes the owner of the lease.
-    controller: name of the controller.
-    role: purpose in a word or two.
-    priority: 0 to 255; a priority higher than the owner's takes control from the owner.
-    wait: whether the request waits until the owner gives control back.
-    duration: length of the lease, s; 0: the longest allowed.
-    limits: requested limits; 0 means the limit set at the rig, for left-hand limits no left-hand motion.
-    """
-
-    sender: Sender
-    controller: str
-    role: str = ""
-    priority: int = 0
-    wait: bool = False
-    duration: float = 0.0
+    sender: Sender  #: sender, who becomes the owner of the lease
+    controller: str  #: name of the controller
+    role: str = ""  #: purpose in a word or two
+    priority: int = 0  #: 0 to 255; a priority higher than the owner's takes control from the owner
+    wait: bool = False  #: whether the request waits until the owner gives control back
+    duration: float = 0.0  #: length of the lease, s; 0: the longest allowed
+    #: Requested limits; 0 means the limit set at the rig, for left-hand limits no left-hand motion.
     limits: LeaseLimits = dataclasses.field(default_factory=LeaseLimits)
 
 
@@ -113,20 +104,7 @@ _REACTIONS = ("controller_lost_sliding", "controller_lost_rotating", "mwd_lost_s
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ControlStatus(MessageRecord):
-    """
-    State of control at one moment; the fields are those of mwd_msgs/ControlState, SI and rad.
-
-    Attributes
-    ----------
-    heartbeat_age, remaining : float
-        Time since the last heartbeat and time left of the lease, s; NaN without an owner.
-    mode : Mode
-        Mode of the top drive; RELEASE: the driller controls it.
-    flow_rate : float
-        Flow commanded to the pumps, m^3/s; NaN: the driller controls the pumps.
-    reactions : mapping of str to Reaction
-        Reactions by the name of their setting.
-    """
+    """State of control at one moment; the fields are those of mwd_msgs/ControlState, SI and rad."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/ControlState"
     NOT_SENT: ClassVar[frozenset[str]] = frozenset({"limits", "achieved", "reactions"})
@@ -137,6 +115,7 @@ class ControlStatus(MessageRecord):
     owner: str = ""
     role: str = ""
     priority: int = 0
+    #: `heartbeat_age`, `remaining`: time since the last heartbeat and time left of the lease, s; NaN without an owner.
     heartbeat_age: float = math.nan
     remaining: float = math.nan
     pending: int = 0
@@ -144,14 +123,15 @@ class ControlStatus(MessageRecord):
     pending_reason: str = ""
     reason: str = ""
     limits: LeaseLimits = dataclasses.field(default_factory=LeaseLimits)
-    mode: Mode = Mode.RELEASE
+    mode: Mode = Mode.RELEASE  #: mode of the top drive; RELEASE: the driller controls it
     rotary_speed: float = 0.0
     turn: float = 0.0
-    flow_rate: float = math.nan
+    flow_rate: float = math.nan  #: flow commanded to the pumps, m^3/s; NaN: the driller controls the pumps
     sequence: int = 0
     acknowledged: int = 0
     refusal: str = ""
     achieved: Achieved = dataclasses.field(default_factory=Achieved)
+    #: Reactions by the name of their setting.
     reactions: Mapping[str, Reaction] = dataclasses.field(default_factory=dict)
     mwd_alive: bool = False
 

@@ -19,26 +19,14 @@ from mwd_surface.downlink.tool_echo import ToolEcho
 
 
 class Kept(NamedTuple):
-    """
-    Stored downlink data of one well.
+    """Stored downlink data of one well."""
 
-    Attributes
-    ----------
-    in_force : ToolSettings
-        Settings with which the tool runs now.
-    counter, number : int
-        Counter of the last command that was sent, and number of the last request; 0: none yet.
-    heard : int, optional
-        Code of the last echo received from the tool; None: no echo was received.
-    sent : tuple of int
-        Echo codes of the commands sent since that echo.
-    """
-
-    in_force: ToolSettings = ToolSettings()
+    in_force: ToolSettings = ToolSettings()  #: settings with which the tool runs now
+    #: `counter`, `number`: counter of the last command that was sent, and number of the last request; 0: none yet.
     counter: int = 0
     number: int = 0
-    heard: int | None = None
-    sent: tuple[int, ...] = ()
+    heard: int | None = None  #: code of the last echo received from the tool; None: no echo was received
+    sent: tuple[int, ...] = ()  #: echo codes of the commands sent since that echo
 
     @classmethod
     def of(cls, machine: Machine) -> Kept:

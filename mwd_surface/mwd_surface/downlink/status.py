@@ -22,17 +22,7 @@ class Medium(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class DownlinkStatus(MessageRecord):
-    """
-    State of a downlink; the fields that are sent are those of mwd_msgs/DownlinkState.
-
-    Attributes
-    ----------
-    base, set_point : float
-        Flow or rotary speed before the downlink, and commanded value, m^3/s or rad/s; NaN if nothing is commanded to
-        the rig.
-    choices : tuple of (str, tuple of float)
-        Commands that the tool accepts, each with its possible values.
-    """
+    """State of a downlink; the fields that are sent are those of mwd_msgs/DownlinkState."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/DownlinkState"
     NOT_SENT: ClassVar[frozenset[str]] = frozenset({"choices"})
@@ -53,9 +43,12 @@ class DownlinkStatus(MessageRecord):
     symbols: int
     duration: float
     remaining: float
+    #: `base`, `set_point`: flow or rotary speed before the downlink, and commanded value, m^3/s or rad/s; NaN if
+    #: nothing is commanded to the rig.
     base: float
     set_point: float
     in_force: tuple[int, ...]
+    #: Commands that the tool accepts, each with its possible values.
     choices: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
     @classmethod

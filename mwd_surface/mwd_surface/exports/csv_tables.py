@@ -20,8 +20,8 @@ from mwd_surface.signals.cells import fixed, plain
 from mwd_surface.signals.cells import table as csv_table
 from mwd_surface.signals.table import LISTED
 from mwd_surface.surveys import survey_csv
-from mwd_surface.surveys.deviation import is_ahead
 from mwd_surface.surveys.imported_list import provenance_of
+from mwd_surface.surveys.mine_hole import is_ahead
 from mwd_surface.trajectory.well_path import PROJECTED
 from mwd_surface.uncertainty.position_covariance import ellipse
 

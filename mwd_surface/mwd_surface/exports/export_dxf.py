@@ -19,7 +19,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.signals.cells import fixed, plain
-from mwd_surface.surveys.branches import others
+from mwd_surface.surveys.mine_hole import others
 from mwd_surface.trajectory.plan import interpolated
 from mwd_surface.trajectory.well_path import ASSUMED
 

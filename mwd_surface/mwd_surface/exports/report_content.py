@@ -29,10 +29,8 @@ from mwd_surface.exports.report_surveys import (
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.exports.trajectory_files import summary
 from mwd_surface.signals.cells import fixed, plain, typed
-from mwd_surface.surveys.branches import branches
-from mwd_surface.surveys.closure import CONSISTENT, DOUBTFUL, INCONSISTENT
-from mwd_surface.surveys.deviation import is_ahead
 from mwd_surface.surveys.leg import MAIN
+from mwd_surface.surveys.mine_hole import CONSISTENT, DOUBTFUL, INCONSISTENT, branches, is_ahead
 from mwd_surface.surveys.well_position import programme_of
 from mwd_surface.trajectory.dense_trajectory import STATION, dense_trajectory
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED

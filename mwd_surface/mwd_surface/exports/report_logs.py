@@ -13,14 +13,14 @@ from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, 
 from mwd_surface.logs.depth_log import Curve
 from mwd_surface.logs.tool_health import ToolHealth
 from mwd_surface.plots.drawing import new_figure
-from mwd_surface.signals.signal import Display
+from mwd_surface.signals.table import Display
 from mwd_surface.signals.units import UNITS, UnitScale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _HOUR_S = 3600.0
-# Share of the tool's life, used by one exposure, from which the share is highlighted; as in `live.health_alarms`.
+# Share of the tool's life, used by one exposure, from which the share is highlighted; as in `live.log_monitor`.
 _WARNING = 0.8
 # Title of the axis of each channel, in the order of the depth tracks.
 _TRACKS = {

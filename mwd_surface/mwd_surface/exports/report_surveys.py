@@ -31,7 +31,7 @@ from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.signals.cells import Printed, Typed, fixed, plain, typed, utc
 from mwd_surface.surveys import check_shots
 from mwd_surface.surveys.azimuth_source import azimuth_source
-from mwd_surface.surveys.repeated_surveys import bias_text, shots_of, tools_text
+from mwd_surface.surveys.check_shots import bias_text, shots_of, tools_text
 from mwd_surface.surveys.station_quality import Total, totals
 from mwd_surface.surveys.survey_record import COORDINATES_ASSUMED, Judgement, SurveyRecord
 from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, DrilledStretch, yields

@@ -23,13 +23,11 @@ from mwd_sensors.core.unknown import or_none
 from mwd_surface.exports.report_section import Section
 from mwd_surface.list_files.remark import RemarkKind, sentences
 from mwd_surface.signals.cells import Typed, fixed, plain, typed, utc
-from mwd_surface.signals.signal import AS_STORED, SURVEY, Display, Listed, Signal
-from mwd_surface.signals.table import LISTED
+from mwd_surface.signals.table import AS_STORED, LISTED, SURVEY, Display, Listed, Signal
 from mwd_surface.signals.units import METRIC, UNITS
-from mwd_surface.surveys.closure import Closure, closure
-from mwd_surface.surveys.deviation import Deviation, deviations
 from mwd_surface.surveys.imported_list import TOOL_CODES
 from mwd_surface.surveys.leg import MAIN
+from mwd_surface.surveys.mine_hole import Closure, Deviation, closure, deviations
 from mwd_surface.surveys.survey_csv import beside_path
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord

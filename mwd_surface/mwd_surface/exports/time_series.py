@@ -22,7 +22,7 @@ from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.processing.bag_input import InputSettings, named_topic
 from mwd_surface.processing.input_stream import SampleStream
-from mwd_surface.signals import signal
+from mwd_surface.signals import table
 from mwd_surface.signals.cells import fixed, utc
 from mwd_surface.signals.table import SERIES
 from mwd_surface.signals.units import UnitScale
@@ -55,7 +55,7 @@ def _quantities(source: str) -> tuple[SeriesQuantity, ...]:
 
 
 # A value of the rig is known if its bit in RigState.valid is set, an angle of the attitude if its sigma is finite.
-_RIG_QUANTITIES, _ANGLES = _quantities(signal.RIG), _quantities(signal.ESTIMATOR)
+_RIG_QUANTITIES, _ANGLES = _quantities(table.RIG), _quantities(table.ESTIMATOR)
 _SIGMAS = tuple(q._replace(key=f"sigma_{q.key}", field=f"sigma_{q.field}", wrap=0.0) for q in _ANGLES)
 QUANTITIES = (*_RIG_QUANTITIES, *_ANGLES, *_SIGMAS)
 COLUMNS = ("timestamp_utc_iso", *(q.key for q in QUANTITIES), "azimuth_north")

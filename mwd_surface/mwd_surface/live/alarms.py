@@ -59,17 +59,13 @@ class Alarm(MessageRecord):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Event(MessageRecord):
-    """
-    One line of the log, with the fields of mwd_msgs/Event.
-
-    source: id of an alarm, or a word for the origin of the event, such as "survey".
-    """
+    """One line of the log, with the fields of mwd_msgs/Event."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/Event"
 
     stamp_ns: int
     kind: str
-    source: str
+    source: str  #: id of an alarm, or a word for the origin of the event, such as "survey"
     text: str
     severity: int = int(Severity.INFO)
 

@@ -33,21 +33,15 @@ class DiagnosticsMonitor:
     link : str
         Setting `link.source`: name of the link whose data the surface uses, `best` for the best of all links, `direct`
         if the data come from the tool without a link.
-
-    Attributes
-    ----------
-    reference : ReferenceFieldState or None
-        Reference field that the estimator or receiver reports in its diagnostics.
-    over_at : float or None
-        Time of the first report that a simulation or replay has ended, s; None without a report, and again after the
-        same node reports that it continues.
-    over_by : str
-        Name of the node that has reported the end, without its namespace; empty without a report.
     """
 
     def __init__(self, context: WellContext, full_name: str, link: str = "direct") -> None:
+        #: Reference field that the estimator or receiver reports in its diagnostics.
         self.reference: ReferenceFieldState | None = None
+        #: Time of the first report that a simulation or replay has ended, s; None without a report, and again after the
+        #: same node reports that it continues.
         self.over_at: float | None = None
+        #: Name of the node that has reported the end, without its namespace; empty without a report.
         self.over_by = ""
         self._link = link
         self._own_name, self._namespace = full_name, full_name.rpartition("/")[0] or "/"

@@ -22,8 +22,6 @@ class InputMonitor:
 
     Parameters
     ----------
-    selection : SourceSelection
-        Arbitration of the sources of rig data.
     link : bool
         Whether the tool is received over a telemetry link, whose words have stamps of the rig's gauge.
     """
@@ -136,17 +134,11 @@ _FASTEST, _SLACK = 3.0, 0.5
 
 
 class BlockTrack:
-    """
-    Bit depth that starts at the last depth from rig or person and follows the travelling block.
-
-    Attributes
-    ----------
-    depth : float or None
-        Bit depth after the last reading, m; None if no depth was given yet, or if a reading of the block was missing
-        or not plausible since then.
-    """
+    """Bit depth that starts at the last depth from rig or person and follows the travelling block."""
 
     def __init__(self) -> None:
+        #: Bit depth after the last reading, m; None if no depth was given yet, or if a reading of the block was missing
+        #: or not plausible since then.
         self.depth: float | None = None
         # Stamp, ns, block position, m, and slips of the last reading; None after `start`, or if a value was missing.
         self._last: tuple[int, float, bool] | None = None

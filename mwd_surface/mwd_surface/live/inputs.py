@@ -49,40 +49,31 @@ class Role(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class InputState(MessageRecord):
-    """
-    State of one input, with the fields of mwd_msgs/InputState; NaN if unknown.
-
-    clock_offset : the input's clock minus the surface's clock, s; offset_age : time since the message that gave the
-    offset, s; data_age : age of the newest data, s; bit_depth : m.
-    """
+    """State of one input, with the fields of mwd_msgs/InputState; NaN if unknown."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/InputState"
 
     name: str
     clock: StampClock
-    clock_offset: float = math.nan
-    offset_age: float = math.nan
-    data_age: float = math.nan
+    clock_offset: float = math.nan  #: the input's clock minus the surface's clock, s
+    offset_age: float = math.nan  #: time since the message that gave the offset, s
+    data_age: float = math.nan  #: age of the newest data, s
     role: Role = Role.NO_DEPTH
     priority: int = 0
-    bit_depth: float = math.nan
+    bit_depth: float = math.nan  #: m
     reason: str = ""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class InputTable(MessageRecord):
-    """
-    State of all inputs, with the fields of mwd_msgs/InputList.
-
-    depth_source : name of the input whose depth is in force, or empty; depth_age : s; depth_difference : m, the largest
-    difference between a live source and the depth in force. NaN if unknown, or if there is no second source.
-    """
+    """State of all inputs, with the fields of mwd_msgs/InputList."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/InputList"
 
     inputs: tuple[InputState, ...] = ()
-    depth_source: str = ""
-    depth_age: float = math.nan
+    depth_source: str = ""  #: name of the input whose depth is in force, or empty
+    depth_age: float = math.nan  #: s
+    #: Largest difference between a live source and the depth in force, m; NaN without a second source.
     depth_difference: float = math.nan
 
     def named(self, name: str) -> InputState | None:
@@ -134,14 +125,7 @@ class InputClock:
 
 
 class DepthSources:
-    """
-    Bit depths from sources of rig data, from a person and from the block, and the choice of the depth in force.
-
-    Parameters
-    ----------
-    selection : SourceSelection
-        Arbitration of the sources of rig data.
-    """
+    """Bit depths from sources of rig data, from a person and from the block, and the choice of the depth in force."""
 
     def __init__(self, selection: SourceSelection) -> None:
         self._selection = selection

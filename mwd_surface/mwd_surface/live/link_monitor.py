@@ -18,9 +18,10 @@ from mwd_surface.live.link_state import (
     LinkFrameState,
     LinkStatus,
     LinkWordState,
+    PressureHistory,
+    PressurePicture,
     best_link,
 )
-from mwd_surface.live.pressure_picture import PressureHistory, PressurePicture
 from mwd_surface.live.well_context import WellContext
 
 _STROKES = 30  # number of strokes over which the rate of a pump is computed

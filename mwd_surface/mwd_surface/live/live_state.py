@@ -22,10 +22,9 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import NANOSECONDS, RIG_VALID
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.live.inputs import SONDE
-from mwd_surface.live.latest_values import Freshness, LatestValues, LiveValue, Quantity, StreamState
+from mwd_surface.live.latest_values import Freshness, LatestValues, LiveValue, Quantity, StreamState, StripHistory
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.strip_history import StripHistory
 from mwd_surface.live.toolface import ToolfaceReading, ToolfaceSelector
 from mwd_surface.live.well_state import (
     Advisory,
@@ -110,11 +109,6 @@ class LiveState:
     Methods `on_...` take samples, at least one; angles and times as in the messages. A number that is not finite is
     left out and does not count as an update. This class is not thread-safe: make all calls from one thread. A state
     returned by `at` does not change and may be read in any thread.
-
-    Attributes
-    ----------
-    parts : WellState
-        State with the parts that `show` has set; parts that are computed from samples have their defaults.
     """
 
     def __init__(self, settings: LiveSettings | None = None) -> None:
@@ -132,6 +126,7 @@ class LiveState:
         self._vertical_limit: float | None = None
         self._in_slips: bool | None = None
         self._changes: dict[str, Change] = {}
+        #: State with the parts that `show` has set; parts that are computed from samples have their defaults.
         self.parts = WellState()
         # For each angle that arrives over a link: time of measurement, s, and the same on the clock of the gauge, ns.
         self._words: dict[str, tuple[float, int]] = {}

@@ -17,7 +17,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import operator
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable
 from typing import Any, Protocol
 
 from mwd_estimation.core.status import Status
@@ -25,17 +25,16 @@ from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.message_record import UnknownNumberError
 from mwd_sensors.core.wire import NANOSECONDS, RIG_VALID
-from mwd_surface.live.clearance_monitor import ClearanceMonitor
 from mwd_surface.live.diagnostics_monitor import DiagnosticsMonitor
 from mwd_surface.live.input_monitor import InputMonitor
 from mwd_surface.live.link_monitor import LinkMonitor
 from mwd_surface.live.log_monitor import LogMonitor
-from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.plan_monitor import ClearanceMonitor, PlanMonitor
 from mwd_surface.live.said import SaidByTheSurface
 from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
 from mwd_surface.live.source_selection import SourceRules, SourceSelection
 from mwd_surface.live.stream_decoder import RIG, StreamDecoder
-from mwd_surface.live.supervision import TABLE, Supervision
+from mwd_surface.live.supervision import SupervisionMonitor, not_evaluated
 from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.live.toolface import MAGNETIC
 from mwd_surface.live.well_context import WellContext
@@ -103,23 +102,10 @@ class LiveWell:
         Shared objects of the well; the clock is at the time of the start.
     decode : callable
         `decode(topic, data)` returns a serialised message as an object with the fields of its type.
-    book : SurveyBook
-        The survey list, of the same context.
-    plan : PlanMonitor
-        The planned path, of the same context.
     full_name : str
         Full name of the surface node, with the namespace of the well.
-    stretches : iterable of DrilledStretch
-        Intervals of the slide sheet so far.
     said : collection of str
         Topics of the surface node that come as messages; the content of its other topics is computed here.
-
-    Attributes
-    ----------
-    topics : frozenset of str
-        Topics whose messages are used, relative to the well.
-    vertical_limit : float or None
-        Inclination, rad, below which the estimator gives the magnetic toolface; None while it is not known.
     """
 
     def __init__(
@@ -136,6 +122,7 @@ class LiveWell:
     ) -> None:
         self.context, self.settings, self.book, self.plan = context, settings, book, plan
         self.live, self.alarm_log, self.clock = context.live, context.alarm_log, context.clock
+        #: Inclination, rad, below which the estimator gives the magnetic toolface; None while it is not known.
         self.vertical_limit: float | None = None
         self._outlet, self._decode = context.outlet, decode
         over_link = settings.link.source != "direct"
@@ -163,6 +150,7 @@ class LiveWell:
         self._waiting: list[Message] = []
         self._in_cell = False
         self._handlers = self._handlers_of(over_link=over_link)
+        #: Topics whose messages are used, relative to the well.
         self.topics = frozenset({*self._handlers, *self._supervision.topics})
 
     def _handlers_of(self, *, over_link: bool) -> dict[str, Callable[[bytes], None]]:
@@ -341,37 +329,6 @@ class LiveWell:
         return self.live.at(self.clock.now)
 
 
-# Kinds of alarms that are not evaluated: without their inputs, the absence of an alarm has no meaning.
-
-
-# Kind of alarms, and the topics of which at least one must have arrived.
-_DIRECT = (
-    ("samples of the sonde", ("imu/data_raw", "imu/mag", "imu/temperature")),
-    ("attitude and surveys", ("attitude",)),
-)
-_OVER_LINK = (("telemetry link", ("link/quality",)),)
-_ALWAYS = (
-    ("rig data and depth", ("rig/state",)),
-    ("sensors and nodes", ("/diagnostics",)),
-    ("heartbeats", ("heartbeat",)),
-)
-# Rows of supervision whose readings come from the recording computer.
-_MACHINE = {"disk.low", "queue.recorder"}
-
-
-def not_evaluated(heard: Collection[str], judged: Collection[str], *, over_link: bool) -> tuple[str, ...]:
-    """
-    Return the kinds of alarms that could not be evaluated, in words.
-
-    heard: topics of which a message has arrived. judged: rows of the table of supervision that had a reading.
-    """
-    kinds = (*(_OVER_LINK if over_link else _DIRECT), *_ALWAYS)
-    missing = [words for words, topics in kinds if not any(topic in heard for topic in topics)]
-    if not set(judged) >= _MACHINE:
-        missing.append("recording and disk")
-    return tuple(missing)
-
-
 # Advice on steering: computed from plan, path and slide sheet, sent to rig systems, shown on the page.
 
 
@@ -429,8 +386,6 @@ class SlideRecorder:
 
     Parameters
     ----------
-    rules : SlideRules
-        Rules by which an interval counts as sliding.
     earlier : iterable of DrilledStretch
         Intervals from earlier runs of the surface, oldest first.
     """
@@ -507,104 +462,3 @@ class SlideRecorder:
             return
         self._shown = state
         self._live.show(now, stretches=tuple(stretches), yields=tuple(yields(stretches, surveys.definitive())))
-
-
-# Readings for the supervision table: silent topics, clocks, heartbeats, disk and queue.
-
-# Time after the end of a simulation or replay in which the last results still arrive, s. A topic or node that is heard
-# later is supervised for silence as before.
-_TRAILING = 2.0
-
-
-class SupervisionMonitor:
-    """
-    Monitor of the nodes of one well: evaluates the table of `live.supervision` and raises the alarms of the table.
-
-    Attributes
-    ----------
-    topics : frozenset of str
-        Topics that are supervised for silence.
-    judged : set of str
-        Rows of the table that had a reading at the last update, by alarm id.
-    over_at : float or None
-        Time of the end of the simulation or replay that makes the data, s. Topics and nodes that are silent from then
-        on raise no alarm (ISA-18.2: suppressed by design).
-    over_by : str
-        Node that has produced these data. The node may exit at any time after the end, so that a missing heartbeat is
-        not a fault.
-    """
-
-    def __init__(self, context: WellContext) -> None:
-        self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
-        self._supervision = Supervision()
-        self.topics = frozenset(row.alarm[6:] for row in TABLE if row.alarm.startswith("input."))
-        self._received_at: dict[str, float] = {}
-        self._figures: dict[str, float] = {}
-        self._beat_at: dict[str, float] = {}
-        self._stamp_ns = -1
-        self._advanced_at = self._sampled_at = 0.0
-        self.judged: set[str] = set()
-        self.over_at: float | None = None
-        self.over_by = ""
-
-    @property
-    def heard(self) -> frozenset[str]:
-        """Topics of which at least one message has arrived."""
-        return frozenset(self._received_at)
-
-    def message_received(self, topic: str) -> None:
-        """Note the time of arrival of a message of a topic."""
-        now = self._received_at[topic] = self._clock.now
-        if topic == "imu/data_raw":
-            # IMU samples show that the sonde sends, even if its magnetometer is silent. They are decoded elsewhere, so
-            # count 0 samples.
-            self._live.on_stream("sonde", 0, now)
-
-    def on_heartbeat(self, beat: Any) -> None:
-        """Accept the heartbeat of a node, diagnostic_msgs/DiagnosticStatus."""
-        node = beat.name.rpartition("/")[2]
-        self._beat_at[node] = self._clock.now
-        for pair in beat.values:
-            name = {"longest_callback_s": "callback", "memory_mb": "memory"}.get(pair.key)
-            if name is not None:
-                self._figures[f"{name}.{node}"] = float(pair.value)
-
-    def on_sonde(self, samples: Samples) -> None:
-        """Accept samples with stamps of the sonde's clock."""
-        self._sampled_at = self._clock.now
-        newest = int(samples["stamp_ns"].max()) if len(samples) else self._stamp_ns
-        # A clock that was set back counts as advancing.
-        if newest != self._stamp_ns:
-            self._stamp_ns, self._advanced_at = newest, self._sampled_at
-
-    def update(
-        self,
-        now: float,
-        clock_difference: float | None,
-        depth_difference: float,
-        machine: Mapping[str, float],
-    ) -> None:
-        """
-        Raise and clear the alarms of the table; called once a second.
-
-        now: steady time, s.
-        clock_difference: difference between the clocks of rig and sonde, s, None if unknown.
-        depth_difference: difference between the sources of depth, m, NaN if unknown.
-        machine: readings of this computer, by alarm id of their row.
-        """
-        last = {f"input.{topic}": at for topic, at in self._received_at.items()}
-        last |= {f"heartbeat.{node}": at for node, at in self._beat_at.items()}
-        expected = -math.inf if self.over_at is None else self.over_at + _TRAILING
-        ended = f"heartbeat.{self.over_by}"
-        readings = {alarm: now - at for alarm, at in last.items() if at > expected and alarm != ended}
-        readings |= self._figures
-        readings["clock.sonde"] = self._sampled_at - self._advanced_at
-        if clock_difference is not None:
-            readings["clock.rig"] = abs(clock_difference)
-        if math.isfinite(depth_difference):
-            readings["depth.sources"] = depth_difference
-        readings |= machine
-        self.judged = set(readings)
-        causes = self._supervision.judge(readings, now)
-        for prefix in self._supervision.prefixes:
-            self._alarm_log.set_alarms(prefix, {key: cause for key, cause in causes.items() if key.startswith(prefix)})

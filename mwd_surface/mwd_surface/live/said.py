@@ -54,15 +54,6 @@ class SaidByTheSurface:
         Called with the depth that a person had set, m, and its age, s.
     topics : collection of str
         Topics of `SAID` that are in the recording.
-
-    Attributes
-    ----------
-    handlers : dict
-        Topic -> function that processes its messages.
-    shown_ns : int
-        Time at which the page showed the next message, ns since the epoch; set by the caller.
-    alarms, lists, advises, tells_inputs : bool
-        Whether alarms, the survey list, the advice on steering, and the inputs come as messages.
     """
 
     def __init__(
@@ -75,6 +66,7 @@ class SaidByTheSurface:
     ) -> None:
         self._clock, self._live, self._book = context.clock, context.live, book
         self._events: deque[Event] = deque(maxlen=_MOST_EVENTS)
+        #: Time at which the page showed the next message, ns since the epoch; set by the caller.
         self.shown_ns = self._clock.now_ns
         self._alarms: tuple[tuple[Alarm, ...], int, tuple[str, ...]] | None = None
         self._by_hand_ns: int | None = None
@@ -90,7 +82,10 @@ class SaidByTheSurface:
             "control/state": lambda message: self._live.show(self._now, control=ControlStatus.from_message(message)),
             "downlink/state": lambda message: self._live.show(self._now, downlink=DownlinkStatus.from_message(message)),
         }
+        #: Topic -> function that processes its messages.
         self.handlers = {topic: take for topic, take in every.items() if topic in topics}
+        #: `alarms`, `lists`, `advises`, `tells_inputs`: whether alarms, the survey list, the advice on steering, and
+        #: the inputs come as messages.
         self.alarms, self.lists = "alarms" in topics, "surveys" in topics
         self.advises, self.tells_inputs = "steering/advice" in topics, "inputs" in topics
 

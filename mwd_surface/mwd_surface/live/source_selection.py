@@ -59,16 +59,11 @@ class SourceSelection:
     The source in force stays in force while it sends, so that two sources of one priority never alternate. Another
     source replaces it after `rules.silent_after` of silence, or if the other source has a higher priority and has sent
     for `rules.settle`.
-
-    Attributes
-    ----------
-    source : str or None
-        Frame name of the source in force; None before the first message.
     """
 
     def __init__(self, rules: SourceRules = EQUAL) -> None:
         self.rules = rules
-        self.source: str | None = None
+        self.source: str | None = None  #: frame name of the source in force; None before the first message
         self._heard: dict[str, float] = {}
         self._since: dict[str, float] = {}
 

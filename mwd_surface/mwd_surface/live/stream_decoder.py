@@ -39,17 +39,6 @@ class StreamDecoder:
     on_rig_input : callable
         `on_rig_input(frame, samples)`, called with the rig data of every source, in force or not, before the source in
         force is used.
-    rig_sources : SourceSelection
-        Arbitration of the sources of rig data.
-
-    Attributes
-    ----------
-    buffers : dict
-        Topic -> list to which its serialised messages are appended as they arrive.
-    tool_frame : str
-        Frame name of the attitude; empty before the first attitude.
-    unreadable : int
-        Number of messages that could not be decoded.
     """
 
     def __init__(
@@ -75,10 +64,11 @@ class StreamDecoder:
             "imu/temperature": (wire.TEMPERATURE, self._live.on_temperature),
             "imu/mag": (wire.MAG, self._live.on_magnetic_field),
         }
+        #: Topic -> list to which its serialised messages are appended as they arrive.
         self.buffers: dict[str, list[bytes]] = {topic: [] for topic in self._topics}
         self._sources = {topic: SourceSelection() for topic in self._topics} | {RIG: rig_sources}
-        self.unreadable = 0
-        self.tool_frame = ""
+        self.unreadable = 0  #: number of messages that could not be decoded
+        self.tool_frame = ""  #: frame name of the attitude; empty before the first attitude
 
     def decode_all(self, now: float) -> None:
         """Decode the waiting messages of all topics. now: steady time, s."""

@@ -10,40 +10,31 @@ same time. A missing reading counts as within the limit.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import math
+from collections.abc import Collection, Mapping
+from typing import Any
 
+from mwd_sensors.core.arrays import Samples
 from mwd_surface.live.alarms import Causes, Severity
 from mwd_surface.live.inputs import DISAGREEMENT
+from mwd_surface.live.well_context import WellContext
 
 
 @dataclasses.dataclass(frozen=True)
 class SupervisionRow:
-    """
-    Rule for one supervised reading.
+    """Rule for one supervised reading."""
 
-    Attributes
-    ----------
-    alarm : str
-        Id of the alarm; also the name of the reading.
-    node, what : str
-        Supervised node or input, and text of the alarm, which may contain {value} and {limit}.
-    limit : float
-        Largest normal reading, in the unit of the reading.
-    persistence_s : float
-        Time for which a reading must be above the limit to raise the alarm, and within it to clear the alarm.
-    remedy : str
-        Advice to the user.
-    action, degraded : str
-        Automatic reaction of the graph, and functions that still work; for the reference documentation.
-    """
-
-    alarm: str
+    alarm: str  #: id of the alarm; also the name of the reading
+    #: `node`, `what`: supervised node or input, and text of the alarm, which may contain {value} and {limit}.
     node: str
     what: str
-    limit: float
+    limit: float  #: largest normal reading, in the unit of the reading
+    #: Time for which a reading must be above the limit to raise the alarm, and within it to clear the alarm.
     persistence_s: float
     severity: Severity
-    remedy: str
+    remedy: str  #: advice to the user
+    #: `action`, `degraded`: automatic reaction of the graph, and functions that still work; for the reference
+    #: documentation.
     action: str
     degraded: str
 
@@ -242,3 +233,125 @@ class Supervision:
             if row.alarm in self._raised:
                 causes[row.alarm] = (row.severity, self._raised[row.alarm], row.remedy)
         return causes
+
+
+# Readings for the supervision table: silent topics, clocks, heartbeats, disk and queue.
+
+# Time after the end of a simulation or replay in which the last results still arrive, s. A topic or node that is heard
+# later is supervised for silence as before.
+_TRAILING = 2.0
+
+
+class SupervisionMonitor:
+    """Monitor of the nodes of one well: evaluates the table and raises its alarms."""
+
+    def __init__(self, context: WellContext) -> None:
+        self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
+        self._supervision = Supervision()
+        #: Topics that are supervised for silence.
+        self.topics = frozenset(row.alarm[6:] for row in TABLE if row.alarm.startswith("input."))
+        self._received_at: dict[str, float] = {}
+        self._figures: dict[str, float] = {}
+        self._beat_at: dict[str, float] = {}
+        self._stamp_ns = -1
+        self._advanced_at = self._sampled_at = 0.0
+        self.judged: set[str] = set()  #: rows of the table that had a reading at the last update, by alarm id
+        #: Time of the end of the simulation or replay that makes the data, s. Topics and nodes that are silent from
+        #: then on raise no alarm (ISA-18.2: suppressed by design).
+        self.over_at: float | None = None
+        #: Node that has produced these data. The node may exit at any time after the end, so that a missing heartbeat
+        #: is not a fault.
+        self.over_by = ""
+
+    @property
+    def heard(self) -> frozenset[str]:
+        """Topics of which at least one message has arrived."""
+        return frozenset(self._received_at)
+
+    def message_received(self, topic: str) -> None:
+        """Note the time of arrival of a message of a topic."""
+        now = self._received_at[topic] = self._clock.now
+        if topic == "imu/data_raw":
+            # IMU samples show that the sonde sends, even if its magnetometer is silent. They are decoded elsewhere, so
+            # count 0 samples.
+            self._live.on_stream("sonde", 0, now)
+
+    def on_heartbeat(self, beat: Any) -> None:
+        """Accept the heartbeat of a node, diagnostic_msgs/DiagnosticStatus."""
+        node = beat.name.rpartition("/")[2]
+        self._beat_at[node] = self._clock.now
+        for pair in beat.values:
+            name = {"longest_callback_s": "callback", "memory_mb": "memory"}.get(pair.key)
+            if name is not None:
+                self._figures[f"{name}.{node}"] = float(pair.value)
+
+    def on_sonde(self, samples: Samples) -> None:
+        """Accept samples with stamps of the sonde's clock."""
+        self._sampled_at = self._clock.now
+        newest = int(samples["stamp_ns"].max()) if len(samples) else self._stamp_ns
+        # A clock that was set back counts as advancing.
+        if newest != self._stamp_ns:
+            self._stamp_ns, self._advanced_at = newest, self._sampled_at
+
+    def update(
+        self,
+        now: float,
+        clock_difference: float | None,
+        depth_difference: float,
+        machine: Mapping[str, float],
+    ) -> None:
+        """
+        Raise and clear the alarms of the table; called once a second.
+
+        now: steady time, s.
+        clock_difference: difference between the clocks of rig and sonde, s, None if unknown.
+        depth_difference: difference between the sources of depth, m, NaN if unknown.
+        machine: readings of this computer, by alarm id of their row.
+        """
+        last = {f"input.{topic}": at for topic, at in self._received_at.items()}
+        last |= {f"heartbeat.{node}": at for node, at in self._beat_at.items()}
+        expected = -math.inf if self.over_at is None else self.over_at + _TRAILING
+        ended = f"heartbeat.{self.over_by}"
+        readings = {alarm: now - at for alarm, at in last.items() if at > expected and alarm != ended}
+        readings |= self._figures
+        readings["clock.sonde"] = self._sampled_at - self._advanced_at
+        if clock_difference is not None:
+            readings["clock.rig"] = abs(clock_difference)
+        if math.isfinite(depth_difference):
+            readings["depth.sources"] = depth_difference
+        readings |= machine
+        self.judged = set(readings)
+        causes = self._supervision.judge(readings, now)
+        for prefix in self._supervision.prefixes:
+            self._alarm_log.set_alarms(prefix, {key: cause for key, cause in causes.items() if key.startswith(prefix)})
+
+
+# Kinds of alarms that are not evaluated: without their inputs, the absence of an alarm has no meaning.
+
+
+# Kind of alarms, and the topics of which at least one must have arrived.
+_DIRECT = (
+    ("samples of the sonde", ("imu/data_raw", "imu/mag", "imu/temperature")),
+    ("attitude and surveys", ("attitude",)),
+)
+_OVER_LINK = (("telemetry link", ("link/quality",)),)
+_ALWAYS = (
+    ("rig data and depth", ("rig/state",)),
+    ("sensors and nodes", ("/diagnostics",)),
+    ("heartbeats", ("heartbeat",)),
+)
+# Rows of supervision whose readings come from the recording computer.
+_MACHINE = {"disk.low", "queue.recorder"}
+
+
+def not_evaluated(heard: Collection[str], judged: Collection[str], *, over_link: bool) -> tuple[str, ...]:
+    """
+    Return the kinds of alarms that could not be evaluated, in words.
+
+    heard: topics of which a message has arrived. judged: rows of the table of supervision that had a reading.
+    """
+    kinds = (*(_OVER_LINK if over_link else _DIRECT), *_ALWAYS)
+    missing = [words for words, topics in kinds if not any(topic in heard for topic in topics)]
+    if not set(judged) >= _MACHINE:
+        missing.append("recording and disk")
+    return tuple(missing)

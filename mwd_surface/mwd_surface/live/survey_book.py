@@ -19,8 +19,8 @@ from mwd_surface.live.well_context import WellContext
 from mwd_surface.logs.depth_log import STEP_M, DepthLog
 from mwd_surface.logs.log_journal import LogJournal
 from mwd_surface.logs.tool_health import HealthLedger
-from mwd_surface.surveys.branches import branches
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
+from mwd_surface.surveys.mine_hole import branches
 from mwd_surface.surveys.station_checks import moved, revision_doubt, revision_flags, revision_sentence, withdrawal
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
@@ -54,27 +54,8 @@ class SurveyBook:
 
     Parameters
     ----------
-    plan : PlanMonitor
-        The planned path.
-    surveys : SurveyList
-        Survey list at the start.
-    depth : DepthRules
-        Rules for pairing surveys with depths.
     log_step : float
         Depth step of the log channels, m.
-
-    Attributes
-    ----------
-    surveys : SurveyList
-        The list in force.
-    depth : DepthTrack
-        Bit depth over time.
-    logs : DepthLog
-        Log channels over depth.
-    health : HealthLedger
-        Account of the tool's health.
-    journal : LogJournal or None
-        Log samples on disk.
     """
 
     def __init__(
@@ -85,11 +66,12 @@ class SurveyBook:
         depth: DepthRules,
         log_step: float = STEP_M,
     ) -> None:
-        self.depth = DepthTrack(depth)
-        self.surveys = surveys
+        self.depth = DepthTrack(depth)  #: bit depth over time
+        self.surveys = surveys  #: the list in force
+        #: Log channels over depth.
         self.logs = DepthLog(surveys.well.sensor_offset, log_step, history=depth.history, rules=depth)
-        self.health = HealthLedger()
-        self.journal: LogJournal | None = None
+        self.health = HealthLedger()  #: account of the tool's health
+        self.journal: LogJournal | None = None  #: log samples on disk
         self._clock, self._live = context.clock, context.live
         self._alarm_log, self._outlet = context.alarm_log, context.outlet
         self._plan = plan

@@ -32,21 +32,17 @@ GRAVITY, MAGNETIC = ToolfaceMode
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ToolfaceReading(MessageRecord):
-    """
-    A toolface, with the fields of mwd_msgs/Toolface except its age.
-
-    angle, sigma: rad, NaN if not available. rotary_speed: rad/s.
-    rotating: whether the string rotates, or has turned so lately that the toolface is not settled.
-    """
+    """A toolface, with the fields of mwd_msgs/Toolface except its age."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/Toolface"
 
     stamp_ns: int
     mode: ToolfaceMode
+    #: `angle`, `sigma`: rad, NaN if not available.
     angle: float
     sigma: float
-    rotating: bool = False
-    rotary_speed: float = 0.0
+    rotating: bool = False  #: whether the string rotates, or has turned so lately that the toolface is not settled
+    rotary_speed: float = 0.0  #: rad/s
 
 
 class ToolfaceSelector:

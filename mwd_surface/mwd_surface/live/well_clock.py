@@ -21,18 +21,12 @@ class WellClock:
     ----------
     begin_ns : int
         Time of the start, ns since the epoch.
-
-    Attributes
-    ----------
-    now_ns : int
-        Present time, ns since the epoch.
-    origin_ns : int
-        Origin of `now`, ns since the epoch: the midnight (UTC) before the start, so that two readers of the same
-        messages have the same `now`.
     """
 
     def __init__(self, begin_ns: int = 0) -> None:
-        self.now_ns = begin_ns
+        self.now_ns = begin_ns  #: present time, ns since the epoch
+        #: Origin of `now`, ns since the epoch: the midnight (UTC) before the start, so that two readers of the same
+        #: messages have the same `now`.
         self.origin_ns = begin_ns - begin_ns % _DAY_NS
 
     @property

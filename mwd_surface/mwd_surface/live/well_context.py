@@ -75,16 +75,9 @@ class WellOutlet:
 
 @dataclasses.dataclass(frozen=True)
 class WellContext:
-    """
-    Objects that the parts of one well share.
-
-    Attributes
-    ----------
-    live : LiveState
-        State of the well for page and rig interfaces.
-    """
+    """Objects that the parts of one well share."""
 
     clock: WellClock
-    live: LiveState
+    live: LiveState  #: state of the well for page and rig interfaces
     alarm_log: AlarmLog
     outlet: WellOutlet = dataclasses.field(default_factory=WellOutlet)

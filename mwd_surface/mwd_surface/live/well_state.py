@@ -25,15 +25,12 @@ from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.list_files.remark import Remark
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.inputs import InputTable
-from mwd_surface.live.latest_values import NO_VALUE, Freshness, LiveValue, StreamState
+from mwd_surface.live.latest_values import NO_VALUE, Freshness, LiveValue, Row, StreamState
 from mwd_surface.live.link_state import LinkStatus
-from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY, ToolfaceMode
 from mwd_surface.logs.depth_log import Curve, Newest
 from mwd_surface.logs.tool_health import ToolHealth
-from mwd_surface.surveys.branches import Branch
-from mwd_surface.surveys.closure import Closure
-from mwd_surface.surveys.deviation import Deviation
+from mwd_surface.surveys.mine_hole import Branch, Closure, Deviation
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice
@@ -58,28 +55,17 @@ class Angle:
 
 @dataclasses.dataclass(frozen=True)
 class AttitudeState:
-    """
-    Present attitude of the tool.
+    """Present attitude of the tool."""
 
-    Attributes
-    ----------
-    inclination, azimuth : LiveValue
-        Inclination from the vertical, and azimuth from `north`, rad.
-    gravity_toolface, magnetic_toolface : Angle or None
-        Toolfaces of the last sample; None if the sample does not define them.
-    status : Status
-        Status of the last sample.
-    stamp_ns : int or None
-        Stamp of the last sample; None before the first sample.
-    """
-
+    #: `inclination`, `azimuth`: inclination from the vertical, and azimuth from `north`, rad.
     inclination: LiveValue = NO_VALUE
     azimuth: LiveValue = NO_VALUE
+    #: `gravity_toolface`, `magnetic_toolface`: toolfaces of the last sample; None if the sample does not define them.
     gravity_toolface: Angle | None = None
     magnetic_toolface: Angle | None = None
-    status: Status = NO_STATUS
+    status: Status = NO_STATUS  #: status of the last sample
     north: North = North.UNKNOWN
-    stamp_ns: int | None = None
+    stamp_ns: int | None = None  #: stamp of the last sample; None before the first sample
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,30 +90,17 @@ class Advisory:
 
 @dataclasses.dataclass(frozen=True)
 class ToolfaceState:
-    """
-    The toolface in force.
-
-    Attributes
-    ----------
-    stamp_ns : int or None
-        Stamp of the last sample; None before the first sample.
-    measured_ns : int or None
-        Stamp of the measurement: the stamp of the last sample, or over a link the stamp at which the word was
-        measured.
-    readings : tuple of DialReading
-        Toolfaces on the dial, oldest first.
-    threshold : float or None
-        Inclination, rad, below which the mode is MAGNETIC; None if unknown.
-    """
+    """The toolface in force."""
 
     angle: LiveValue = NO_VALUE
     mode: ToolfaceMode = GRAVITY
     rotating: bool = False
-    stamp_ns: int | None = None
+    stamp_ns: int | None = None  #: stamp of the last sample; None before the first sample
+    #: Stamp of the measurement: the stamp of the last sample, or over a link the stamp at which the word was measured.
     measured_ns: int | None = None
-    readings: tuple[DialReading, ...] = ()
+    readings: tuple[DialReading, ...] = ()  #: toolfaces on the dial, oldest first
     advisory: Advisory | None = None
-    threshold: float | None = None
+    threshold: float | None = None  #: inclination, rad, below which the mode is MAGNETIC; None if unknown
 
 
 @dataclasses.dataclass(frozen=True)
@@ -196,18 +169,16 @@ class ReferenceFieldState:
 
 @dataclasses.dataclass(frozen=True)
 class SurveyProgress:
-    """
-    Progress of a survey or north seek.
-
-    elapsed, remaining: s; NaN if unknown. result: outcome of the last survey. waits_for: reason why a survey that has
-    averaged enough samples is not issued yet; elapsed and remaining are then the times of this wait.
-    """
+    """Progress of a survey or north seek."""
 
     active: bool = False
     state: str = ""
+    #: `elapsed`, `remaining`: s; NaN if unknown.
     elapsed: float = math.nan
     remaining: float = math.nan
-    result: str = ""
+    result: str = ""  #: outcome of the last survey
+    #: Reason why a survey that has averaged enough samples is not issued yet; `elapsed` and `remaining` are then the
+    #: times of this wait.
     waits_for: str = ""
 
 
@@ -232,22 +203,12 @@ class NodeDiagnostic:
 
 @dataclasses.dataclass(frozen=True)
 class AlarmState:
-    """
-    The alarms in force.
+    """The alarms in force."""
 
-    Attributes
-    ----------
-    rows : tuple of Alarm
-        Alarms, newest first.
-    not_evaluated : tuple of str
-        Kinds of alarms that could not be evaluated, in words.
-    epoch : float
-        Time since the epoch at which the clock of `WellState.now` was zero, s, by the clock that stamps the alarms; NaN
-        if unknown.
-    """
-
-    rows: tuple[Alarm, ...] = ()
-    not_evaluated: tuple[str, ...] = ()
+    rows: tuple[Alarm, ...] = ()  #: alarms, newest first
+    not_evaluated: tuple[str, ...] = ()  #: kinds of alarms that could not be evaluated, in words
+    #: Time since the epoch at which the clock of `WellState.now` was zero, s, by the clock that stamps the alarms; NaN
+    #: if unknown.
     epoch: float = math.nan
 
 
@@ -279,112 +240,61 @@ class RodCount:
 
 @dataclasses.dataclass(frozen=True)
 class WellState:
-    """
-    State of a well at `now`; fields keep their defaults until data arrive.
+    """State of a well at `now`; fields keep their defaults until data arrive."""
 
-    Attributes
-    ----------
-    now : float
-        Time of this state, s of the steady clock.
-    streams : mapping of str to StreamState
-        State of each stream by name.
-    reference_given : ReferenceFieldState or None
-        The field that the estimator or the receiver reports.
-    surveys : SurveyList
-        The survey list in force.
-    path, covariance
-        The well path, and the covariance of its first m positions, shape (m, 3, 3), m^2.
-    rods : RodCount or None
-        Rods in the hole; None if the depth is not counted by rods.
-    offset : Offset or None
-        Offset of the end of the path from the plan.
-    deviation : tuple of Deviation
-        Deviation of a mine hole from its plan, deepest first; computed at the last change of the list.
-    branches : tuple of Branch
-        Branches of a mine hole, in the order in which they were begun.
-    closure : Closure or None
-        Closure of a mine hole on its surveyed point; None without such a point.
-    clearance, clearance_remarks
-        Clearance to offset wells from the last survey on, the closest by the rule first; and remarks on omitted wells
-        and assumptions.
-    stretches, yields
-        Intervals of the slide sheet, deepest last, and the yields of the slides between stations.
-    quill : float or None
-        Angle of the quill, rad clockwise looking down-hole from the zero of the rig.
-    link : LinkStatus or None
-        The telemetry link in use.
-    control : ControlStatus
-        Holder of the control of top drive and pumps, commands, and actual values of the rig.
-    advice : Advice
-        Advice for drilling the next interval.
-    downlink : DownlinkStatus or None
-        State of the downlink command to the tool.
-    inputs : InputTable
-        Clock offsets and ages of the inputs, and the source of the depth.
-    diagnostics : tuple of NodeDiagnostic
-        Diagnostics of the nodes, worst first.
-    events : tuple of Event
-        Events of the log, newest first.
-    well_given : bool
-        Whether the well was described by a person; False if the description is assumed.
-    over_link : bool or None
-        Whether the tool is received over a telemetry link; None if unknown.
-    over : bool
-        Whether the simulation or replay that makes the data has come to its end.
-    history, trend, depth_log : Chart
-        Charts over the last minutes, over the last hours (in larger steps), and over the depth of the sensor.
-    logs : tuple of Curve
-        Log channels over depth, first pass.
-    newest_logs : mapping of str to Newest
-        Newest value of each log channel.
-    tool_health : ToolHealth
-        Battery, run time, exposures, self-tests and parts of the tool.
-    changes : mapping of str to Change
-        Number of times that each part was set, and the last time at which it was set, by name of the part (a field of
-        this class). A part that was never set is missing.
-    """
-
-    now: float = 0.0
+    now: float = 0.0  #: time of this state, s of the steady clock
     attitude: AttitudeState = dataclasses.field(default_factory=AttitudeState)
     toolface: ToolfaceState = dataclasses.field(default_factory=ToolfaceState)
     drilling: DrillingState = dataclasses.field(default_factory=DrillingState)
     rig: RigState = dataclasses.field(default_factory=RigState)
-    streams: Mapping[str, StreamState] = dataclasses.field(default_factory=dict)
+    streams: Mapping[str, StreamState] = dataclasses.field(default_factory=dict)  #: state of each stream by name
     well: Well = dataclasses.field(default_factory=Well)
-    well_given: bool = True
-    over_link: bool | None = None
-    over: bool = False
-    reference_given: ReferenceFieldState | None = None
-    surveys: SurveyList = dataclasses.field(default_factory=SurveyList)
+    well_given: bool = True  #: whether the well was described by a person; False if the description is assumed
+    over_link: bool | None = None  #: whether the tool is received over a telemetry link; None if unknown
+    over: bool = False  #: whether the simulation or replay that makes the data has come to its end
+    reference_given: ReferenceFieldState | None = None  #: the field that the estimator or the receiver reports
+    surveys: SurveyList = dataclasses.field(default_factory=SurveyList)  #: the survey list in force
+    #: `path`, `covariance`: the well path, and the covariance of its first m positions, shape (m, 3, 3), m^2.
     path: Definitive | None = None
     covariance: Array | None = None
-    rods: RodCount | None = None
+    rods: RodCount | None = None  #: rods in the hole; None if the depth is not counted by rods
     plan: Plan | None = None
-    offset: Offset | None = None
+    offset: Offset | None = None  #: offset of the end of the path from the plan
+    #: Deviation of a mine hole from its plan, deepest first; computed at the last change of the list.
     deviation: tuple[Deviation, ...] = ()
-    branches: tuple[Branch, ...] = ()
-    closure: Closure | None = None
+    branches: tuple[Branch, ...] = ()  #: branches of a mine hole, in the order in which they were begun
+    closure: Closure | None = None  #: closure of a mine hole on its surveyed point; None without such a point
+    #: `clearance`, `clearance_remarks`: clearance to offset wells from the last survey on, the closest by the rule
+    #: first; and remarks on omitted wells and assumptions.
     clearance: tuple[Clearance, ...] = ()
     clearance_remarks: tuple[Remark, ...] = ()
+    #: `stretches`, `yields`: intervals of the slide sheet, deepest last, and the yields of the slides between stations.
     stretches: tuple[DrilledStretch, ...] = ()
     yields: tuple[Yield, ...] = ()
-    quill: float | None = None
-    link: LinkStatus | None = None
+    quill: float | None = None  #: angle of the quill, rad clockwise looking down-hole from the zero of the rig
+    link: LinkStatus | None = None  #: the telemetry link in use
+    #: Holder of the control of top drive and pumps, commands, and actual values of the rig.
     control: ControlStatus = dataclasses.field(default_factory=ControlStatus)
-    advice: Advice = dataclasses.field(default_factory=Advice)
-    downlink: DownlinkStatus | None = None
+    advice: Advice = dataclasses.field(default_factory=Advice)  #: advice for drilling the next interval
+    downlink: DownlinkStatus | None = None  #: state of the downlink command to the tool
+    #: Clock offsets and ages of the inputs, and the source of the depth.
     inputs: InputTable = dataclasses.field(default_factory=InputTable)
     survey_progress: SurveyProgress = dataclasses.field(default_factory=SurveyProgress)
     recorder: RecorderStatus | None = None
-    diagnostics: tuple[NodeDiagnostic, ...] = ()
+    diagnostics: tuple[NodeDiagnostic, ...] = ()  #: diagnostics of the nodes, worst first
     alarms: AlarmState = dataclasses.field(default_factory=AlarmState)
-    events: tuple[Event, ...] = ()
+    events: tuple[Event, ...] = ()  #: events of the log, newest first
+    #: `history`, `trend`, `depth_log`: charts over the last minutes, over the last hours (in larger steps), and over
+    #: the depth of the sensor.
     history: Chart = dataclasses.field(default_factory=Chart)
     trend: Chart = dataclasses.field(default_factory=Chart)
     depth_log: Chart = dataclasses.field(default_factory=Chart)
-    logs: tuple[Curve, ...] = ()
-    newest_logs: Mapping[str, Newest] = dataclasses.field(default_factory=dict)
+    logs: tuple[Curve, ...] = ()  #: log channels over depth, first pass
+    newest_logs: Mapping[str, Newest] = dataclasses.field(default_factory=dict)  #: newest value of each log channel
+    #: Battery, run time, exposures, self-tests and parts of the tool.
     tool_health: ToolHealth = dataclasses.field(default_factory=ToolHealth)
+    #: Number of times that each part was set, and the last time at which it was set, by name of the part (a field of
+    #: this class). A part that was never set is missing.
     changes: Mapping[str, Change] = dataclasses.field(default_factory=dict)
 
     @property

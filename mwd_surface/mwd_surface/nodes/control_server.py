@@ -35,21 +35,7 @@ _ALWAYS_CHANGING = ("heartbeat_age", "remaining", "achieved")
 
 
 class ControlServer:
-    """
-    ROS interface of the control authority of one well.
-
-    Parameters
-    ----------
-    context : SurfaceContext
-        Node, live state and alarm log of the surface.
-
-    Attributes
-    ----------
-    authority : ControlAuthority
-        Authority for rig interfaces and other parts of the node; usable from any thread.
-    handlers : dict
-        Function that is called with each serialised message, by topic.
-    """
+    """ROS interface of the control authority of one well."""
 
     def __init__(self, context: SurfaceContext, settings: ControlSettings) -> None:
         self._context, self._node, self._live = context, context.node, context.live
@@ -65,7 +51,9 @@ class ControlServer:
                 # Continue without control: page, recording and survey list do not need it.
                 self._unsafe = f"nobody can have control: {error}"
                 settings = dataclasses.replace(settings, enabled=False)
+        #: Authority for rig interfaces and other parts of the node; usable from any thread.
         self.authority = ControlAuthority(settings, first, self._unsafe)
+        #: Function that is called with each serialised message, by topic.
         self.handlers = {"control/command": self._on_command, "rig/acknowledge": self._on_acknowledge}
         self._seals = SealChecker()
         self._updated_at = self._published_at = 0.0

@@ -22,8 +22,7 @@ from mwd_sensors.ros.time_stamps import header
 from mwd_sensors.telemetry import tool_configuration
 from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION
 from mwd_surface.control.authority import ControlAuthority
-from mwd_surface.downlink.interlocks import InterlockReadings
-from mwd_surface.downlink.machine import ENDED, NEXT, DownlinkState, Machine, Transition
+from mwd_surface.downlink.machine import ENDED, NEXT, DownlinkState, InterlockReadings, Machine, Transition
 from mwd_surface.downlink.memory import Kept, Memory
 from mwd_surface.downlink.rig_control import RigClock, RigControl
 from mwd_surface.downlink.settings import DownlinkSettings
@@ -47,12 +46,8 @@ class DownlinkServer:
 
     Parameters
     ----------
-    context : SurfaceContext
-        Node, live state and alarm log.
     settings : DownlinkSettings
         Settings of the downlink; without a tool file, no topic or service is opened.
-    authority : ControlAuthority
-        Authority that grants control of the rig.
 
     Raises
     ------

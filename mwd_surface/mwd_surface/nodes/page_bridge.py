@@ -18,11 +18,10 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.request_rules import refusal
 from mwd_surface.live.alarms import Severity
 from mwd_surface.nodes.settings import SurfaceSettings
-from mwd_surface.page.access import read_token
+from mwd_surface.page.commands import read_token
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.state_json import StateJson
-from mwd_surface.ros.context import SurfaceContext
-from mwd_surface.ros.worker import Answer
+from mwd_surface.ros.context import Answer, SurfaceContext
 
 _RETRY_S = 5.0  # time between two attempts to start the server, s
 

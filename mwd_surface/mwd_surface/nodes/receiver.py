@@ -41,7 +41,7 @@ from mwd_surface.receiver.link import link_attitude
 from mwd_surface.receiver.link.link import LOCKED, NO_FLOW, NO_INPUT, LinkOutput, Quality
 from mwd_surface.receiver.link.link_feed import LinkFeed
 from mwd_surface.receiver.link.link_log import log_samples, survey_samples
-from mwd_surface.receiver.link.link_surveys import LinkSurveys
+from mwd_surface.receiver.link.link_survey import LinkSurveys
 from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.sources import SerialBytes

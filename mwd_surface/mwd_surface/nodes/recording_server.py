@@ -47,8 +47,6 @@ class RecordingServer:
 
     Parameters
     ----------
-    context : SurfaceContext
-        Node, folder, live state and alarm log.
     settings : SurfaceSettings
         Settings of the surface, of which only the sections `record` and `recorder` are used.
     tables : callable

@@ -38,10 +38,6 @@ class RigBridge:
     ----------
     context : SurfaceContext
         Node, live state, alarm log and request queue, and the folder for the interfaces' status and certificates.
-    settings : RigSettings
-        Settings of the interfaces.
-    well : str
-        Name of the well.
     authority : ControlAuthority
         Authority for controllers that connect through the interfaces.
     simulated : callable

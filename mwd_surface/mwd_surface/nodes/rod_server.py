@@ -27,12 +27,6 @@ class RodServer:
     ----------
     surveys : SurveyListServer
         Survey list, where the bit depth of the tally is set like a depth by hand, so that recordings have this depth.
-
-    Attributes
-    ----------
-    rig_depth : callable
-        Function that returns the bit depth from the rig, m, even while a depth by hand is in force; None if the rig
-        sends no depth.
     """
 
     rig_depth: Callable[[], float | None]
@@ -41,6 +35,8 @@ class RodServer:
         self._context, self._settings, self._surveys = context, settings, surveys
         self._log = RodLog(context.folder / "surveys" / NAME)
         self.tally = RodTally(settings.first_m)
+        #: Function that returns the bit depth from the rig, m, even while a depth by hand is in force; None if the rig
+        #: sends no depth.
         self.rig_depth = lambda: None
         self._agreed = True  # whether tally and rig agreed, or the rig sent no depth, at the last change or later
         self._taken = 0  # number of surveys in the list at the last change

@@ -62,10 +62,9 @@ from mwd_surface.nodes.topic_router import TopicRouter
 from mwd_surface.nodes.well_outlet import NodeOutlet
 from mwd_surface.page.foxglove_server import FoxgloveError
 from mwd_surface.rig.interface import InterfaceError
-from mwd_surface.ros.context import SteadyTime, SurfaceContext
+from mwd_surface.ros.context import Answer, BackgroundWorker, RequestQueue, SteadyTime, SurfaceContext
 from mwd_surface.ros.parameter_tables import ParameterTables
 from mwd_surface.ros.topics import OF_TOOL, TOPICS
-from mwd_surface.ros.worker import Answer, BackgroundWorker, RequestQueue
 from mwd_surface.surveys.survey_store import StoreError
 from mwd_surface.trajectory.slide_sheet import NAME, SLIDES, read_stretches, stretch_table
 

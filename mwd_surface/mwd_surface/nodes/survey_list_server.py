@@ -34,8 +34,7 @@ from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages
-from mwd_surface.ros.context import SurfaceContext
-from mwd_surface.ros.worker import Answer
+from mwd_surface.ros.context import Answer, SurfaceContext
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.message_conversion import list_message, trajectory_message
@@ -58,8 +57,6 @@ class SurveyListServer(SurveyBook):
         Node, folder, alarm log and worker. The list is stored in the subfolder `surveys`, exported files in `exports`.
     settings : SurfaceSettings
         Settings of the surface, of which only the sections `well`, `rules`, `leg` and `depth` are used.
-    plan : PlanMonitor
-        Monitor with the planned path.
 
     Attributes
     ----------

@@ -41,8 +41,6 @@ class TopicRouter:
 
     Parameters
     ----------
-    context : SurfaceContext
-        Node and alarm log.
     record : callable
         `record(topic, type, data, received_ns, qos=...)`, called for the messages of recorded topics.
     foxglove : FoxgloveBridge
@@ -51,8 +49,6 @@ class TopicRouter:
         Function that is called at once with each serialised message, by topic.
     well : LiveWell
         Well that receives the messages of its topics, recorded or not.
-    steady : SteadyTime
-        Time of the well.
     """
 
     def __init__(

@@ -24,8 +24,8 @@ from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.toolface import ToolfaceReading
 from mwd_surface.live.well_context import WellOutlet
 from mwd_surface.nodes.survey_list_server import SurveyListServer
+from mwd_surface.ros.context import BackgroundWorker
 from mwd_surface.ros.topics import TOPICS
-from mwd_surface.ros.worker import BackgroundWorker
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.trajectory.advice import Advice
@@ -37,25 +37,12 @@ class NodeOutlet(WellOutlet):
     """
     Outlet that publishes, saves and logs the results of a well.
 
-    Parameters
-    ----------
-    worker : BackgroundWorker
-        Worker thread for slow work.
-    slide_file : Path
-        File of the slide sheet.
-
     Attributes
     ----------
     alarm_log : AlarmLog
         Alarm log of the same well; set by the code that creates both.
     surveys : SurveyListServer or None
         Survey list of the node, which publishes the list and the accepted surveys.
-    listeners : list of callable
-        Functions that are called with the survey list after each change.
-    rig_listeners : list of callable
-        Functions that are called with arriving rig data, if their source is the one in force.
-    recorder : callable
-        Function that returns the status of the recorder.
     """
 
     alarm_log: AlarmLog
@@ -63,9 +50,11 @@ class NodeOutlet(WellOutlet):
 
     def __init__(self, node: GraphNode[Any], worker: BackgroundWorker, slide_file: Path) -> None:
         self._node, self._worker, self._slide_file = node, worker, slide_file
+        #: Functions that are called with the survey list after each change.
         self.listeners: list[Callable[[SurveyList], None]] = []
+        #: Functions that are called with arriving rig data, if their source is the one in force.
         self.rig_listeners: list[Callable[[Samples], None]] = []
-        self.recorder: Callable[[], RecorderStatus] | None = None
+        self.recorder: Callable[[], RecorderStatus] | None = None  #: function that returns the status of the recorder
         self._simulated = False
         self._told = 0
 

@@ -33,9 +33,16 @@ from mwd_sensors.core.foreign_text import not_a_file_name
 from mwd_surface.exports.export import FORMATS
 from mwd_surface.language.language import language
 from mwd_surface.loopback import port_problem, refused_host
-from mwd_surface.page.access import SecretAccess
-from mwd_surface.page.commands import COMMANDS, Command, checked_arguments, is_safe, may_be_safe
-from mwd_surface.page.request_body import json_object, read_body
+from mwd_surface.page.commands import (
+    COMMANDS,
+    Command,
+    SecretAccess,
+    checked_arguments,
+    is_safe,
+    json_object,
+    may_be_safe,
+    read_body,
+)
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_feed import Client, Seen, StateFeed, dumps
 
@@ -125,7 +132,7 @@ class PageServer:
         `on_command(name, arguments) -> (ok, message)`, called one at a time in a thread of the server. Commands that
         deny or abort use a second thread. Arguments are checked against `COMMANDS`. None, or an empty token: read-only.
     token : str
-        Secret that commands need (`access.read_token`).
+        Secret that commands need (`commands.read_token`).
     clock : callable
         Steady time, s.
     page : Path

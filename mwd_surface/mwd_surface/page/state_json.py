@@ -9,23 +9,342 @@ that a client is sent only the changed sections.
 
 from __future__ import annotations
 
+import dataclasses
+import enum
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from mwd_estimation.core.north import North
-from mwd_surface.bags.recorder.status import RecorderStatus
+from mwd_estimation.survey.survey import ROTARY, Survey, Verdict
+from mwd_sensors.core.arrays import Array
+from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
 from mwd_surface.clearance.clearance import Clearance
+from mwd_surface.control.set_point import Mode
+from mwd_surface.control.status import ControlState
 from mwd_surface.list_files.remark import sentences
+from mwd_surface.live.inputs import Role
+from mwd_surface.live.link_state import LinkHealth
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import Chart, WellState
-from mwd_surface.page.log_table import log_table
-from mwd_surface.page.plain import number, numbers, plain
-from mwd_surface.page.survey_panel import COLUMNS, path_table, quality_lights, survey_row
+from mwd_surface.logs.depth_log import Curve
+from mwd_surface.signals.table import LISTED, Signal, page_fields
+from mwd_surface.surveys.azimuth_source import azimuth_source
+from mwd_surface.surveys.station_quality import QualityLimits, totals
+from mwd_surface.surveys.survey_csv import Line
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.trajectory.plan import Plan
+from mwd_surface.trajectory.well_path import Definitive
+from mwd_surface.uncertainty.position_covariance import ellipse, in_section
+
+# Values as JSON: a record becomes a table of its fields, an unknown number becomes null. A new field of a record
+# therefore reaches the page without code here.
+
+# Members of enumerations that the page shows by a word other than their name.
+_WORDS: Mapping[type[enum.Enum], Mapping[Any, str]] = {
+    North: {North.UNKNOWN: ""},
+    RecorderState: {RecorderState.PAUSED_DISK_FULL: "paused: disk full"},
+    Mode: {
+        Mode.HOLD: "hold the string",
+        Mode.ORIENT: "turn by an angle",
+        Mode.RELEASE: "the driller's",
+    },
+    ControlState: {
+        ControlState.IDLE: "driller",
+        ControlState.PENDING: "asked for",
+        ControlState.GRANTED: "controller",
+    },
+    LinkHealth: {LinkHealth.NO_INPUT: "no pressure"},
+    Role: {Role.NO_DEPTH: "", Role.STANDBY: "stands by"},
+}
+
+
+def number(value: Any) -> float | None:
+    """Return a number rounded to ten digits; None if it is None, NaN or infinite."""
+    if value is None:
+        return None
+    value = float(value)
+    return float(f"{value:.10g}") if math.isfinite(value) else None
+
+
+def numbers(values: Iterable[Any]) -> list[float | None]:
+    """Return each value rounded to ten digits; None for a value that is None, NaN or infinite."""
+    return [number(v) for v in values]
+
+
+def plain(value: Any) -> Any:
+    """
+    Return a value as JSON data.
+
+    Numbers are rounded to ten digits; NaN and infinity become None. A record becomes a table of its fields and
+    properties, a member of an enumeration its word, a set of status bits the list of their words.
+    """
+    if isinstance(value, enum.Enum):
+        return word(value)
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    if isinstance(value, float):
+        return number(value)
+    if isinstance(value, Mapping):
+        return {str(key): plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (tuple, list)):
+        return [plain(one) for one in value]
+    return {name: plain(getattr(value, name)) for name in _names(type(value))}
+
+
+def word(member: enum.Enum) -> str | list[str]:
+    """Return the page's word for a member of an enumeration, or a list of words for a set of status bits."""
+    if isinstance(member, str):
+        return str(member)
+    if isinstance(member, enum.Flag):
+        return [str(bit.name).lower() for bit in member]
+    return _WORDS.get(type(member), {}).get(member, str(member.name).lower().replace("_", " "))
+
+
+def _names_of(record: type) -> tuple[str, ...]:
+    """
+    Return the names of the fields and properties of a record.
+
+    Raises TypeError if the type is not a record, so that there is no JSON for it.
+    """
+    members = [name for base in record.__mro__ for name, one in vars(base).items() if isinstance(one, property)]
+    return (*(field.name for field in dataclasses.fields(record)), *members)
+
+
+_names: Callable[[type], tuple[str, ...]] = functools.cache(_names_of)
+
+
+# Log channels.
+
+_GAPS = 3  # number of deepest gaps that the page lists
+_HELD = 40  # largest number of depth steps for which the value of a sector is held
+
+
+def log_table(curves: Sequence[Curve]) -> dict[str, Any]:
+    """
+    Return the dict {"channels": tables}, with one table for each curve that has depth steps.
+
+    rows: depth, m, value, sigma, time of measurement, s, and quality, bits of LogSample; sectors: values of each row,
+    from the high side clockwise; held: result of `held_steps`; gaps: top and bottom of the deepest gaps, m; gap_count:
+    number of all gaps. Values are in the unit of the channel.
+    """
+    return {"channels": [_channel(curve) for curve in curves if len(curve.depth)]}
+
+
+def _channel(curve: Curve) -> dict[str, Any]:
+    columns = (curve.depth, curve.value, curve.sigma, curve.seconds, curve.quality)
+    return {
+        "name": curve.channel,
+        "unit": curve.unit,
+        "step": number(float(np.diff(curve.depth[:2]).sum())),
+        "rows": [[_short(value) for value in row] for row in zip(*columns, strict=True)],
+        "sectors": [[_short(value) for value in row] for row in curve.sectors],
+        "held": held_steps(curve.sectors),
+        "gaps": [[_short(edge) for edge in gap] for gap in curve.gaps[-_GAPS:]],
+        "gap_count": len(curve.gaps),
+    }
+
+
+def held_steps(sectors: Array) -> list[int]:
+    """
+    Return, for each sector, the largest number of depth steps for which the image holds a value of the sector.
+
+    Over a link the sectors arrive in turn, so a sector has values only at some depths. The image shows each value,
+    marked as held, until the next value of the sector. A distance between two values above 1.5 times the median
+    distance, or above `_HELD` steps, is a gap.
+
+    Parameters
+    ----------
+    sectors : ndarray, shape (n, k)
+        Values by direction, NaN where there is none.
+    """
+    found = []
+    for column in np.isfinite(sectors).T:
+        apart = np.diff(np.flatnonzero(column))
+        found.append(min(_HELD, int(1.5 * np.median(apart))) if len(apart) else 0)
+    return found
+
+
+def _short(value: float) -> float | None:
+    return number(float(f"{value:.7g}"))
+
+
+# Survey table, quality lights of the last survey, and the well path with ellipses.
+
+_ON_PATH = {signal.name for signal, _ in LISTED}
+_ROW = page_fields("surveys")
+# Kind of number on the page (units.js) for each unit used in files.
+_KINDS = {
+    "m": "length",
+    "deg": "angle",
+    "deg/30 m": "dogleg",
+    "m/s^2": "gravity",
+    "nT": "field",
+    "deg/h": "slow_rate",
+    "rpm": "rotation",
+    "degC": "temperature",
+    "s": "seconds",
+    "1": "index",
+}
+
+
+def _kind(signal: Signal) -> str:
+    """Return the kind of number of a signal on the page, such as "length"; "inclination" may be shown as a dip."""
+    return "inclination" if signal.is_inclination else _KINDS[signal.listed_scale.symbol]
+
+
+#: Columns of the survey table, in order: field of a row, title, kind of number, and smallest screen on which the column
+#: is shown (0: any, 1: tablet, 2: wide).
+COLUMNS = [
+    {"field": name, "title": signal.listed.title, "kind": _kind(signal), "width": shown.width}
+    for shown, name, signal in sorted((one.shown, name, one) for name, one in _ROW.items() if one.shown is not None)
+    if signal.listed is not None
+]
+
+
+def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None = None) -> dict[str, Any]:
+    """
+    Return one row of the survey table; the azimuth is from `north` if possible, else from the survey's own north.
+
+    limits: limits of the totals, used if the survey has none.
+    """
+    s, line = record.survey, Line(record, north)
+    word, by = _verdict(record)
+    return {
+        "sequence": s.sequence,
+        "stamp_ns": s.stamp_ns,
+        "kind": "rotary" if s.kind == ROTARY else "static",
+        **{name: number(line.value(signal.record)) for name, signal in _ROW.items()},
+        "azimuth_north": line.north_word,
+        "method": azimuth_source(s).words or s.azimuth_method,
+        "automatic": Verdict(s.verdict).word,
+        "verdicts": list(s.verdicts),
+        "headline": s.action,
+        "first": _other_value(record.replaced, line.north),
+        "revised": _other_value(record.proposal, line.north),
+        "alternatives": _alternatives(s, line.north),
+        "totals": _lights(s, limits),
+        "disturbances": [[words, number(odds)] for words, odds in s.disturbances],
+        "verdict": word,
+        "accepted_by": by,
+        "in_use": record.in_use,
+        "assumed": record.assumed,
+        "reasons": list(s.reasons),
+        "judged_reason": record.reason,
+        "flags": list(record.flags),
+        "comment": record.comment,
+        "leg": record.leg,
+        "tool": record.tool,
+    }
+
+
+def _other_value(survey: Survey | None, north: North) -> dict[str, Any] | None:
+    """Return azimuth, its sigma and the verdict of a replaced or proposed revision of a survey; None without one."""
+    if survey is None:
+        return None
+    return {
+        "azimuth": number(survey.azimuth_from(north)),
+        "sigma_azimuth": number(survey.sigma_azimuth),
+        "verdict": Verdict(survey.verdict).word,
+    }
+
+
+def _alternatives(s: Survey, north: North) -> list[list[float | None]]:
+    return [[number(other), number(odds)] for other, odds in s.alternatives_from(north)]
+
+
+def _verdict(record: SurveyRecord) -> tuple[str, str]:
+    """Return the verdict in force, and the name of the person who gave it, or "automatic"."""
+    if record.judgement == Judgement.ACCEPTED:
+        return "accepted", record.operator_name
+    if record.judgement == Judgement.REJECTED:
+        return "rejected", record.operator_name
+    if record.in_use:
+        return "accepted", "automatic"
+    automatic = Verdict(record.survey.verdict)
+    return {Verdict.ACCEPT: "waiting", Verdict.DOUBTFUL: "doubtful", Verdict.REJECT: "rejected"}[automatic], "automatic"
+
+
+def _lights(s: Survey, limits: QualityLimits | None) -> list[dict[str, Any]]:
+    # The page shows the judged value, not the value as read.
+    return [{name: one for name, one in plain(total).items() if name != "read"} for total in totals(s, limits)]
+
+
+def quality_lights(record: SurveyRecord, limits: QualityLimits, north: North = North.UNKNOWN) -> dict[str, Any]:
+    """
+    Return the quality of a survey: verdicts, totals, and alternative azimuths.
+
+    limits: limits of the totals, used if the survey has none. north: north of the azimuths, if possible.
+    """
+    s = record.survey
+    line = Line(record, north)
+    return {
+        "lights": _lights(s, limits),
+        "verdict": Verdict(s.verdict).name.lower(),
+        "verdicts": list(s.verdicts),
+        "headline": s.action,
+        "azimuth": number(line.azimuth),
+        "alternatives": _alternatives(s, line.north),
+        "reasons": [text for text in dict.fromkeys((*s.reasons, *record.flags)) if text],
+        "sequence": s.sequence,
+        "stamp_ns": s.stamp_ns,
+    }
+
+
+def path_table(path: Definitive | None, section: float, covariance: Array | None, most: int) -> dict[str, Any]:
+    """
+    Return the well path as columns for the page.
+
+    section: azimuth of the vertical section, rad. covariance, shape (m, 3, 3): covariance of the first m positions,
+    m^2, for the ellipses. most: number of stations to keep, counted from the last.
+    """
+    columns = {name: signal.field for name, signal in page_fields("path").items() if signal.name in _ON_PATH}
+    if path is None:
+        return {
+            **{name: [] for name in columns},
+            "kind": [],
+            "assumptions": [],
+            "north_reference": "",
+            "ellipses": [],
+            "left_out": 0,
+        }
+    first = max(0, len(path.md) - most)
+    return {
+        **{name: numbers(getattr(path, field)[first:]) for name, field in columns.items()},
+        "kind": list(path.kind[first:]),
+        "assumptions": list(sentences(path.assumptions)),
+        "north_reference": path.north.name.lower(),
+        "section_azimuth": number(section),
+        "ellipses": [] if covariance is None else _ellipses(np.asarray(covariance, dtype=float), first, section),
+        "left_out": first,
+    }
+
+
+def _ellipses(covariance: Array, first: int, section: float) -> list[dict[str, Any]]:
+    """Return two-sigma ellipses of up to ten stations: in the map (north, east) and in the section (along, down)."""
+    rows = []
+    stations = range(first, len(covariance))
+    for k in list(stations)[:: max(1, -(-len(stations) // 10))]:
+        whole = covariance[k]
+        if not np.all(np.isfinite(whole)):
+            continue
+        plan, side = ellipse(whole[:2, :2]), ellipse(in_section(whole, section))
+        rows.append(
+            {
+                "station": k - first,
+                "plan": [number(plan.major), number(plan.minor), number(plan.angle)],
+                "section": [number(side.major), number(side.minor), number(side.angle)],
+            }
+        )
+    return rows
+
+
+# Sections of the page, with their revisions.
 
 # Sections that grow row by row: a client is sent only the new rows.
 STRIPS = ("history", "trend", "depth_log")
@@ -44,16 +363,12 @@ Table = dict[str, Any]
 
 
 class _View(NamedTuple):
-    """
-    A section that is kept until it changes.
+    """A section that is kept until it changes."""
 
-    parts: names of the parts of the state from which the section is made; the time of change of the first part is
-    `since`. more: any other value on which the section depends. build: function that makes the section.
-    """
-
+    #: Names of the parts of the state from which the section is made; the time of change of the first one is `since`.
     parts: tuple[str, ...]
-    more: Any
-    build: Callable[[], Table | None]
+    more: Any  #: any other value on which the section depends
+    build: Callable[[], Table | None]  #: function that makes the section
 
 
 class StateJson:
@@ -204,14 +519,11 @@ def _clearance(state: WellState) -> Table:
 
 
 def _near(one: Clearance) -> Table:
-    k = one.least
+    k, shown = one.least, ("distance", "allowed", "factor", "toolface")
     return {
         "name": one.name,
         "measured_depth": number(one.md[k]),
-        "distance": number(one.distance[k]),
-        "allowed": number(one.allowed[k]),
-        "factor": number(one.factor[k]),
-        "toolface": number(one.toolface[k]),
+        **{name: number(getattr(one, name)[k]) for name in shown},
         "level": plain(one.level),
     }
 

@@ -65,22 +65,13 @@ class Candidate:
 
 @dataclasses.dataclass(frozen=True)
 class Soft:
-    """
-    A decoded word before the probability of a wrong configuration is applied.
-
-    Attributes
-    ----------
-    candidates : tuple of Candidate
-    holds : float or None
-        Probability that the parity of the word holds, computed without using the parity; None for a word without
-        parity.
-    fits : float
-        Log likelihood ratio of two cases: one pulse in each window of the table, or one or two pulses anywhere. NaN if
-        unknown.
-    """
+    """A decoded word before the probability of a wrong configuration is applied."""
 
     candidates: tuple[Candidate, ...]
+    #: Probability that the parity of the word holds, computed without using the parity; None for a word without parity.
     holds: float | None
+    #: Log likelihood ratio of two cases: one pulse in each window of the table, or one or two pulses anywhere. NaN if
+    #: unknown.
     fits: float = math.nan
 
 

@@ -11,9 +11,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
-import os
 import re
-import select
 import socket
 import threading
 import time
@@ -25,10 +23,10 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files.number_cells import is_null, split, value
 from mwd_surface.receiver import json_columns, pressure_table, table_times
+from mwd_surface.receiver.sources import MOST_AT_ONCE
 from mwd_surface.rig.wits import format as wits
 
 _RETRY_S = 2.0  # time between two attempts to connect, s
-_MOST_AT_ONCE = 1 << 20  # bytes read per call
 _LONGEST_LINE = 4096  # longest line that can be a row of a table, bytes
 _HEAD_LINES = 20  # number of first lines from which the format is determined
 _LONGEST_HEAD = 2000  # largest number of lines that are kept while their format is not known
@@ -54,27 +52,6 @@ class _Bytes(Protocol):
     def close(self) -> None:
         """Stop reading, and close the stream if this object opened it."""
         ...
-
-
-class Pipe:
-    """Bytes of a file descriptor, for example 0 for standard input."""
-
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-        self.failure, self.ended, self.breaks = "", False, 0
-
-    def read(self) -> bytes:
-        """Return the bytes since the last call."""
-        data = bytearray()
-        while not self.ended and len(data) < _MOST_AT_ONCE and select.select([self._descriptor], [], [], 0.0)[0]:
-            more = os.read(self._descriptor, 65536)
-            self.ended = not more
-            data += more
-        return bytes(data)
-
-    def close(self) -> None:
-        """Stop reading; the descriptor stays open."""
-        self.ended = True
 
 
 class TcpClient:
@@ -103,7 +80,7 @@ class TcpClient:
             if self._keep_alive and now >= self._next_sign:
                 self._next_sign = now + _KEEP_ALIVE_S
                 self._line.send(self._keep_alive)
-            while len(data) < _MOST_AT_ONCE:
+            while len(data) < MOST_AT_ONCE:
                 more = self._line.recv(65536)
                 if not more:
                     self._lose("ended the connection", now)
@@ -280,16 +257,11 @@ class _Format:
     ------
     ValueError
         Columns, units or decimal marks of the lines are ambiguous; the message names the option that states them.
-
-    Attributes
-    ----------
-    names : int
-        Number of lines above the first row.
     """
 
     def __init__(self, lines: list[str], said: Mapping[str, str]) -> None:
         self._separator = _separator(lines)
-        self.names = 0
+        self.names = 0  #: number of lines above the first row
         layout = pressure_table.live_columns([], said)
         while layout is None and self.names < len(lines):
             layout = pressure_table.live_columns(self._cells(lines[self.names]), said)

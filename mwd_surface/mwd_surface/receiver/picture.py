@@ -47,8 +47,6 @@ def figure_of(
     time_s, pressure_pa : ndarray, shape (n,)
     tool : ToolConfiguration
         Tool configuration: its pulses are drawn on the last survey, and it sets the range of the spectrum.
-    quantity : PictureQuantity
-        Quantity of the samples.
     """
     closer = words and tool.code == "mary"
     figure = new_figure(12.5, 10.0 if closer else 7.5)

@@ -39,17 +39,13 @@ _FROZEN_S = 1.0  # shortest time with one value that is reported as a frozen gau
 
 @dataclasses.dataclass(frozen=True)
 class PressureFile:
-    """
-    Rising times, s, and pressure, Pa, shape (n,), finite.
-
-    origin: meaning of time 0. notes: faults of the data. strokes: times of each pump's strokes, s, if they were
-    recorded.
-    """
+    """Rising times, s, and pressure, Pa, shape (n,), finite."""
 
     time_s: Array
     pressure_pa: Array
-    origin: str
-    notes: tuple[str, ...]
+    origin: str  #: meaning of time 0
+    notes: tuple[str, ...]  #: faults of the data
+    #: Times of each pump's strokes, s, if recorded.
     strokes: dict[int, Array] = dataclasses.field(default_factory=dict)
 
 

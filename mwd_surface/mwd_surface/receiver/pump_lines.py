@@ -168,20 +168,12 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
 
 
 class Crank(NamedTuple):
-    """
-    Turning of a pump, from its counted strokes.
+    """Turning of a pump, from its counted strokes."""
 
-    Attributes
-    ----------
-    cosine, sine : ndarray, shape (n,)
-        Cosine and sine of the crank angle; both are 0 where the angle is unknown.
-    harmonics : int
-        Number of harmonics below a share of the highest frequency in the samples.
-    """
-
+    #: `cosine`, `sine`: shape (n,); cosine and sine of the crank angle; both are 0 where the angle is unknown.
     cosine: Array
     sine: Array
-    harmonics: int
+    harmonics: int  #: number of harmonics below a share of the highest frequency in the samples
 
 
 def crank(angle: Array) -> Crank:

@@ -44,14 +44,7 @@ class _Heard(NamedTuple):
 
 
 class SerialReceiver:
-    """
-    Receiver of a tool on a serial line.
-
-    Parameters
-    ----------
-    tool : ToolConfiguration
-        Tool configuration with the code serial.
-    """
+    """Receiver of a tool on a serial line."""
 
     def __init__(self, tool: ToolConfiguration) -> None:
         self._tool = tool

@@ -39,43 +39,25 @@ _LEAST_WEIGHT = 1e-6
 
 
 class SurfaceReadings(NamedTuple):
-    """
-    Readings of a receiver on the surface.
+    """Readings of a receiver on the surface."""
 
-    Attributes
-    ----------
-    point : ndarray, shape (n, 3)
-        Position of the receiver: north, east, down, m.
-    field : ndarray, shape (n, 3)
-        Amplitude of the field in the same axes, T; the sign of a whole row has no meaning. NaN if only the strength is
-        known.
-    strength : ndarray, shape (n,)
-        Amplitude of the total field, T.
-    """
-
-    point: Array
+    point: Array  #: shape (n, 3); position of the receiver: north, east, down, m
+    #: Shape (n, 3); amplitude of the field in the same axes, T; the sign of a whole row has no meaning. NaN if only the
+    #: strength is known.
     field: Array
-    strength: Array
+    strength: Array  #: shape (n,); amplitude of the total field, T
 
 
 class SondeFacts(NamedTuple):
-    """
-    Facts about the sonde, each with 1 sigma.
+    """Facts about the sonde, each with 1 sigma."""
 
-    Attributes
-    ----------
-    moment, moment_share : float
-        Moment of the coil, A m^2, and 1 sigma as a share of the moment.
-    pitch, pitch_sigma : float
-        Angle of the tool axis above the horizontal, rad, as the sonde sends it; NaN if unknown.
-    azimuth, azimuth_sigma : float
-        Direction of the bore as planned or measured, rad; NaN if unknown.
-    """
-
+    #: `moment`, `moment_share`: moment of the coil, A m^2, and 1 sigma as a share of the moment.
     moment: float
     moment_share: float = 0.02
+    #: `pitch`, `pitch_sigma`: angle of the tool axis above the horizontal, rad, as the sonde sends it; NaN if unknown.
     pitch: float = math.nan
     pitch_sigma: float = math.radians(0.3)
+    #: `azimuth`, `azimuth_sigma`: direction of the bore as planned or measured, rad; NaN if unknown.
     azimuth: float = math.nan
     azimuth_sigma: float = math.radians(30.0)
 
@@ -89,31 +71,20 @@ class ReadingErrors(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class SondeFix:
-    """
-    Located sonde.
+    """Located sonde."""
 
-    Attributes
-    ----------
-    position : ndarray, shape (3,)
-        North, east, down, m.
-    azimuth, pitch, moment : float
-        Direction of the tool axis, rad, the pitch positive above the horizontal; moment of the coil, A m^2.
-    covariance : ndarray, shape (6, 6)
-        Covariance of north, east, down, azimuth, pitch and the logarithm of the moment.
-    chi2, freedom : float, int
-        Sum of the squared errors over their sigmas, and its degrees of freedom.
-    others : tuple of SondeFix
-        Other solutions that the readings do not exclude, best first.
-    """
-
-    position: Array
+    position: Array  #: shape (3,); north, east, down, m
+    #: `azimuth`, `pitch`, `moment`: direction of the tool axis, rad, the pitch positive above the horizontal; moment of
+    #: the coil, A m^2.
     azimuth: float
     pitch: float
     moment: float
+    #: Shape (6, 6); covariance of north, east, down, azimuth, pitch and the logarithm of the moment.
     covariance: Array
+    #: `chi2`, `freedom`: sum of the squared errors over their sigmas, and its degrees of freedom.
     chi2: float
     freedom: int
-    others: tuple[SondeFix, ...] = ()
+    others: tuple[SondeFix, ...] = ()  #: other solutions that the readings do not exclude, best first
 
     @property
     def sigma(self) -> Array:
@@ -147,15 +118,6 @@ def locate(readings: SurfaceReadings, known: SondeFacts, errors: ReadingErrors =
     Return the place, direction and moment of a sonde from readings of its field at the surface.
 
     The sonde is assumed to be below all points of the receiver.
-
-    Parameters
-    ----------
-    readings : SurfaceReadings
-        Points of the receiver and the field there.
-    known : SondeFacts
-        Facts about the sonde, each with 1 sigma.
-    errors : ReadingErrors
-        1 sigma of the errors of a reading.
 
     Raises
     ------

@@ -168,7 +168,7 @@ class _Form(NamedTuple):
 
 _WAV_FLOAT = 3  # format code of floats in a WAV header; 1 is PCM
 # Limits in bytes: data read per call, and length of the header before the samples.
-_MOST_AT_ONCE, _MOST_HEADER = 1 << 20, 1 << 20
+MOST_AT_ONCE, _MOST_HEADER = 1 << 20, 1 << 20
 _WAV_BITS = {1: (8, 16, 24, 32), _WAV_FLOAT: (32, 64)}
 
 
@@ -184,6 +184,27 @@ def _shares(data: bytes, form: _Form) -> Array:
     return wide.view("<i4")[:, 0] / 2.0**31
 
 
+class Pipe:
+    """Bytes of a file descriptor, for example 0 for standard input."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self.failure, self.ended, self.breaks = "", False, 0
+
+    def read(self) -> bytes:
+        """Return the bytes since the last call."""
+        data = bytearray()
+        while not self.ended and len(data) < MOST_AT_ONCE and select.select([self._descriptor], [], [], 0.0)[0]:
+            more = os.read(self._descriptor, 65536)
+            self.ended = not more
+            data += more
+        return bytes(data)
+
+    def close(self) -> None:
+        """Stop reading; the descriptor stays open."""
+        self.ended = True
+
+
 class WavStream:
     """
     WAV stream, PCM or float, read from a pipe: a sound card (`arecord -f S32_LE -r 400 | ...`) or a file.
@@ -197,24 +218,26 @@ class WavStream:
     """
 
     def __init__(self, descriptor: int, channel: int = 1) -> None:
-        self._descriptor, self._channel = descriptor, channel
+        self._pipe, self._channel = Pipe(descriptor), channel
         self._open = bytearray()
         self._form: _Form | None = None
         self._count = 0
-        self.failure, self.ended = "", False
+        self.failure = ""
+
+    @property
+    def ended(self) -> bool:
+        """Whether no more samples will come."""
+        return self._pipe.ended
 
     def read(self) -> tuple[Array, Array]:
         """Return times since the first sample, s, and new samples, Pa, with a full scale of 1e7."""
-        end = len(self._open) + _MOST_AT_ONCE
-        while not self.ended and len(self._open) < end and select.select([self._descriptor], [], [], 0.0)[0]:
-            more = os.read(self._descriptor, 65536)
-            self.ended = not more
-            self._open += more
+        self._open += self._pipe.read()
         if self._form is None:
             try:
                 self._form = self._header()
             except ValueError as error:
-                self.failure, self.ended = str(error), True
+                self.failure = str(error)
+                self.close()
                 self._open.clear()
         if self._form is None:
             return _EMPTY, _EMPTY
@@ -229,7 +252,7 @@ class WavStream:
 
     def close(self) -> None:
         """Stop reading; the descriptor stays open."""
-        self.ended = True
+        self._pipe.close()
 
     def _header(self) -> _Form | None:
         """

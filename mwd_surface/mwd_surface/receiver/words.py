@@ -3,11 +3,17 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from mwd_sensors.core.arrays import Indices
+from mwd_sensors.core.output_files import write_whole
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.pulse_position import encode, packets, window_tu
 from mwd_sensors.telemetry.sequences import SequenceItem
@@ -19,48 +25,27 @@ BELIEVED, ERASED, BY_CONSISTENCY = "believed", "erased", "by_consistency"
 
 @dataclasses.dataclass(frozen=True)
 class ReceivedWord:
-    """
-    One received word.
+    """One received word."""
 
-    Attributes
-    ----------
-    start_s, end_s : float
-        Time on air at the surface, on the clock of the pressure.
-    frame, index : int
-        Number of the pass of the sequence (all its words sent once), from 0, and index of the word in the pass.
-    kind : str
-        Kind of the sequence in which the word came: "survey" or "toolface".
-    raw : int
-        Most probable code.
-    value : float
-        Value of that code, in the unit of the word; NaN for the code that means "no measurement".
-    confidence : float
-        Probability that the code is right.
-    sigma : float
-        1 sigma of the value if the code is right, in the unit of the word.
-    status : str
-        "believed"; or "erased" if the confidence is below the level for its kind or the tool had no measurement; or
-        "by_consistency" if earlier surveys make one of the codes of an erased word probable enough.
-    alternatives : tuple of (int, float)
-        Next most probable codes with their probabilities.
-    revision : int
-        0: provisional, as first decoded; 1: final, decoded again with the whole pass.
-    """
-
+    #: `start_s`, `end_s`: time on air at the surface, on the clock of the pressure.
     start_s: float
     end_s: float
+    #: `frame`, `index`: number of the pass of the sequence (all its words sent once), from 0, and index of the word in
+    #: the pass.
     frame: int
     index: int
-    kind: str
+    kind: str  #: kind of the sequence in which the word came: "survey" or "toolface"
     name: str
     unit: str
-    raw: int
-    value: float
-    confidence: float
-    sigma: float
+    raw: int  #: most probable code
+    value: float  #: value of that code, in the unit of the word; NaN for the code that means "no measurement"
+    confidence: float  #: probability that the code is right
+    sigma: float  #: 1 sigma of the value if the code is right, in the unit of the word
+    #: "believed"; or "erased" if the confidence is below the level for its kind or the tool had no measurement; or
+    #: "by_consistency" if earlier surveys make one of the codes of an erased word probable enough.
     status: str
-    alternatives: tuple[tuple[int, float], ...]
-    revision: int = 1
+    alternatives: tuple[tuple[int, float], ...]  #: next most probable codes with their probabilities
+    revision: int = 1  #: 0: provisional, as first decoded; 1: final, decoded again with the whole pass
 
     @property
     def usable(self) -> bool:
@@ -98,38 +83,24 @@ def value_of(word: ReceivedWord) -> LinkValue:
 
 @dataclasses.dataclass(frozen=True)
 class FrameReport:
-    """
-    Report of one pass of a sequence: number, kind, begin and end, s, energy per bit over noise density, dB.
-
-    clock_error: relative error of the tool's clock; reason: sentence on what went wrong, empty if nothing did.
-    """
+    """Report of one pass of a sequence: number, kind, begin and end, s, energy per bit over noise density, dB."""
 
     frame: int
     kind: str
     start_s: float
     end_s: float
     ebn0_db: float
-    clock_error: float
-    reason: str
+    clock_error: float  #: relative error of the tool's clock
+    reason: str  #: sentence on what went wrong, empty if nothing did
 
 
 @dataclasses.dataclass
 class Reception:
-    """
-    Words, and passes of sequences (frames), that a block of samples completed.
+    """Words, and passes of sequences (frames), that a block of samples completed."""
 
-    Attributes
-    ----------
-    words : list of ReceivedWord
-        Final words, from complete passes.
-    frames : list of FrameReport
-        Reports of the complete passes.
-    provisional : list of ReceivedWord
-        Words just decoded, with `revision` 0; the final word has the same frame and index.
-    """
-
-    words: list[ReceivedWord] = dataclasses.field(default_factory=list)
-    frames: list[FrameReport] = dataclasses.field(default_factory=list)
+    words: list[ReceivedWord] = dataclasses.field(default_factory=list)  #: final words, from complete passes
+    frames: list[FrameReport] = dataclasses.field(default_factory=list)  #: reports of the complete passes
+    #: Words just decoded, with `revision` 0; the final word has the same frame and index.
     provisional: list[ReceivedWord] = dataclasses.field(default_factory=list)
 
     def add(self, more: Reception) -> None:
@@ -219,3 +190,121 @@ def pulse_edges(word: ReceivedWord, tool: ToolConfiguration) -> list[float]:
     # Unit of the tool's clock as received.
     unit = (word.end_s - word.start_s) / sent.length
     return [edge * unit for edge in sent.edges]
+
+
+# Words and surveys as tables.
+
+WORD_HEADER = (
+    "start_s",
+    "end_s",
+    "frame",
+    "name",
+    "raw",
+    "value",
+    "confidence",
+    "sigma",
+    "status",
+    "alternatives",
+)
+
+
+def words_csv(words: Sequence[ReceivedWord], header: bool = True) -> str:
+    """
+    Return a table of words, one per row; value and sigma are in the unit of the word.
+
+    Alternatives are written as `raw:probability`, separated by blanks. header: whether the first row names the columns.
+    """
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    if header:
+        table.writerow(WORD_HEADER)
+    for word in words:
+        others = " ".join(f"{raw}:{chance:.4f}" for raw, chance in word.alternatives if chance >= 5e-5)
+        table.writerow(
+            (
+                f"{word.start_s:.3f}",
+                f"{word.end_s:.3f}",
+                word.frame,
+                word.name,
+                word.raw,
+                "" if math.isnan(word.value) else f"{word.value:.6g}",
+                f"{word.confidence:.5f}",
+                f"{word.sigma:.4g}",
+                word.status,
+                others,
+            )
+        )
+    return text.getvalue()
+
+
+def surveys_csv(words: Sequence[ReceivedWord]) -> str:
+    """
+    Return a table of surveys: one row each, with a value and a sigma column per word; erased words are empty.
+
+    The last column names the words that were decided by consistency with other surveys.
+    """
+    frames: dict[int, list[ReceivedWord]] = {}
+    for word in words:
+        if word.kind == "survey":
+            frames.setdefault(word.frame, []).append(word)
+    names = list(dict.fromkeys(word.name for frame in frames.values() for word in frame))
+    units = {word.name: word.unit for frame in frames.values() for word in frame}
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    columns = [f"{name}_{units[name]}" if units[name] else name for name in names]
+    table.writerow(
+        ["frame", "start_s", "end_s", *(c for name in columns for c in (name, f"sigma_{name}")), BY_CONSISTENCY]
+    )
+    for number, frame in frames.items():
+        cells = {word.name: (f"{word.value:.6g}", f"{word.sigma:.4g}") for word in frame if word.usable}
+        row = [number, f"{frame[0].start_s:.3f}", f"{frame[-1].end_s:.3f}"]
+        chosen = " ".join(word.name for word in frame if word.status == BY_CONSISTENCY)
+        table.writerow([*row, *(cell for name in names for cell in cells.get(name, ("", ""))), chosen])
+    return text.getvalue()
+
+
+class WordFiles:
+    """
+    Files words.csv and surveys.csv in a folder, written as words arrive.
+
+    Parameters
+    ----------
+    folder : Path
+        Existing files in it are replaced.
+
+    Raises
+    ------
+    OSError
+        The files cannot be written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._surveys = folder / "surveys.csv"
+        self._heard: list[ReceivedWord] = []
+        self.count = 0
+        self._words = (folder / "words.csv").open("w", encoding="utf-8")
+        self._words.write(words_csv([]))
+        self._write_surveys()
+
+    def __enter__(self) -> WordFiles:
+        """Return the object itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close words.csv; surveys.csv is open only while it is written."""
+        self._words.close()
+
+    def add(self, words: Sequence[ReceivedWord]) -> None:
+        """Append final words to the files."""
+        if not words:
+            return
+        self.count += len(words)
+        self._words.write(words_csv(words, header=False))
+        self._words.flush()
+        surveys = [word for word in words if word.kind == "survey"]
+        if surveys:
+            self._heard += surveys
+            self._write_surveys()
+
+    def _write_surveys(self) -> None:
+        write_whole(self._surveys, surveys_csv(self._heard))

@@ -53,18 +53,13 @@ class RigInputSettings(DepthJumpRules):
 
 @dataclasses.dataclass
 class RigInputCounts:
-    """
-    Counts of rig data.
+    """Counts of rig data."""
 
-    taken: samples returned.
-    refused: impossible values, and depths of a bit below the bottom of the hole.
-    held: depth readings that were not accepted because they jump or have an earlier stamp, and are not confirmed.
-    hurried: sets of readings dropped because their stamp is earlier than the last sample, or too soon after it.
-    """
-
-    taken: int = 0
-    refused: int = 0
+    taken: int = 0  #: samples returned
+    refused: int = 0  #: impossible values, and depths of a bit below the bottom of the hole
+    #: Depth readings that were not accepted because they jump or have an earlier stamp, and are not confirmed.
     held: int = 0
+    #: Sets of readings dropped because their stamp is earlier than the last sample, or too soon after it.
     hurried: int = 0
 
 

@@ -15,13 +15,19 @@ import contextlib
 import dataclasses
 import importlib
 import importlib.metadata
+import logging
+import random
 import socket
+import sys
 import threading
+import time
 from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.settings import setting
 from mwd_surface.loopback import port_problem, refused_host
 from mwd_surface.rig.values import RigValues
 
@@ -36,47 +42,34 @@ class InterfaceError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class PeerStatus:
-    """
-    State of one connection.
-
-    since: steady time at which the connection began, s.
-    sent, received, dropped: numbers of messages since then.
-    rate: messages sent per second.
-    last: text of the last message.
-    """
+    """State of one connection."""
 
     address: str
-    since: float
+    since: float  #: steady time at which the connection began, s
+    #: `sent`, `received`, `dropped`: numbers of messages since then.
     sent: int = 0
     received: int = 0
     dropped: int = 0
-    rate: float = 0.0
-    last: str = ""
+    rate: float = 0.0  #: messages sent per second
+    last: str = ""  #: text of the last message
 
 
 @dataclasses.dataclass(frozen=True)
 class InterfaceStatus:
-    """
-    State of one interface: its state as a word such as LISTENING, its address, and the reason if it is not running.
-
-    sent, received: numbers of messages.
-    dropped: number of messages not delivered to a slow peer.
-    refused: number of refused connections.
-    counts: further counters by name.
-    last: names and texts of the last values sent.
-    """
+    """State of one interface: a word such as LISTENING, its address, and the reason if it is not running."""
 
     name: str
     state: str
     address: str = ""
     reason: str = ""
     peers: tuple[PeerStatus, ...] = ()
+    #: `sent`, `received`: numbers of messages.
     sent: int = 0
     received: int = 0
-    dropped: int = 0
-    refused: int = 0
-    counts: tuple[tuple[str, int], ...] = ()
-    last: tuple[tuple[str, str], ...] = ()
+    dropped: int = 0  #: number of messages not delivered to a slow peer
+    refused: int = 0  #: number of refused connections
+    counts: tuple[tuple[str, int], ...] = ()  #: further counters by name
+    last: tuple[tuple[str, str], ...] = ()  #: names and texts of the last values sent
 
 
 class RigInterface(abc.ABC):
@@ -276,3 +269,90 @@ def probe_port(host: str, port: int) -> None:
 def port_error(error: OSError, host: str, port: int) -> InterfaceError:
     """Return the error for a port that cannot be opened."""
     return InterfaceError(port_problem(error, host, port))
+
+
+# Waits between attempts to connect.
+
+
+@dataclasses.dataclass(frozen=True)
+class Backoff:
+    """Waiting times between attempts: doubled after each failure, up to the longest."""
+
+    first: float = setting(
+        1.0,
+        "Wait before the second attempt to connect. The wait doubles with each further failure. Each wait is "
+        "multiplied by a random factor of 0.5 to 1.",
+        unit="s",
+        low=0.01,
+        high=600.0,
+    )
+    longest: float = setting(
+        30.0,
+        "Longest wait between two attempts to connect. Raising it causes less traffic, but a peer that returns is "
+        "found later.",
+        unit="s",
+        low=0.01,
+        high=3600.0,
+    )
+
+    def wait(self, failures: int) -> float:
+        """
+        Return the wait before the next attempt, s, after a number of consecutive failures, 1 or more.
+
+        The wait has a random factor, so that several units do not retry at the same time.
+        """
+        share = random.uniform(0.5, 1.0)  # noqa: S311 (spreads waits; nothing secret)
+        return float(min(self.longest, self.first * 2.0 ** min(failures - 1, 30)) * share)
+
+
+# Log of the libraries that serve network peers, bounded in length and rate. asyncua and pymodbus log every malformed
+# message with its bytes and a traceback. A peer that sends junk could fill the log with any contents, and hide the
+# other messages.
+
+_MOST, _PERIOD_S = 10, 60.0  # largest number of lines in a period, and the period, s
+_LONGEST = 200  # largest number of characters in a line
+
+
+class LibraryLog(logging.Handler):
+    """
+    Handler that writes the first line of each record, at most ten lines a minute, and the number of omitted records.
+
+    Parameters
+    ----------
+    write : callable
+        Called with one line.
+    clock : callable
+        Steady time, s.
+    """
+
+    def __init__(
+        self, write: Callable[[str], object] | None = None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        super().__init__(logging.WARNING)
+        self._write = write or (lambda line: sys.stderr.write(line + "\n"))
+        self._clock = clock
+        self._since = -_PERIOD_S
+        self._lines = self._left_out = 0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a record, or only count it if the period already has its largest number of lines."""
+        now = self._clock()
+        if now - self._since >= _PERIOD_S:
+            if self._left_out:
+                self._write(f"{record.name}: {self._left_out} more messages were left out")
+            self._since, self._lines, self._left_out = now, 0, 0
+        if self._lines >= _MOST:
+            self._left_out += 1
+            return
+        self._lines += 1
+        text = record.getMessage().strip().partition("\n")[0]
+        error = record.exc_info[1] if record.exc_info else None
+        kind = f" ({type(error).__name__})" if error is not None else ""
+        self._write(printable(f"{record.name}: {text[:_LONGEST]}{kind}"))
+
+
+def bound_log(library: str) -> None:
+    """Limit length and rate of the log of a library; does nothing if the log is limited already."""
+    logger = logging.getLogger(library)
+    if not any(isinstance(handler, LibraryLog) for handler in logger.handlers):
+        logger.addHandler(LibraryLog())

@@ -28,16 +28,20 @@ from mwd_surface.rig.interface import (
     OnRigState,
     RigInterface,
 )
-from mwd_surface.rig.modbus.serial_line import ModbusSerial
-from mwd_surface.rig.modbus.server import ModbusServer
-from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
+from mwd_surface.rig.modbus.server import ModbusSerial, ModbusSerialSettings, ModbusServer, ModbusSettings
+from mwd_surface.rig.opcua.access import OpcuaSettings
 from mwd_surface.rig.opcua.server import OpcuaServer
-from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.polled.unit import PolledSettings, PolledUnit
 from mwd_surface.rig.values import RigValues, silenced
-from mwd_surface.rig.wits.client import Wits0Client, Wits0ClientSettings, Wits0Serial, Wits0SerialSettings
+from mwd_surface.rig.wits.connections import (
+    Wits0Client,
+    Wits0ClientSettings,
+    Wits0Serial,
+    Wits0SerialSettings,
+    Wits0Server,
+    Wits0ServerSettings,
+)
 from mwd_surface.rig.wits.link import Wits0Settings
-from mwd_surface.rig.wits.server import Wits0Server, Wits0ServerSettings
 from mwd_surface.rig.witsml.store import WitsmlStore, WitsmlStoreSettings
 
 _LOOK = 0.5  # time between checks for new values and for interfaces that ended, s
@@ -92,8 +96,6 @@ class RigPort:
 
     Parameters
     ----------
-    well : str
-        Name of the well.
     on_rig_state : callable, optional
         `on_rig_state(frame, samples)`, called in a thread of the interface; frame: frame id that names the interface,
         samples: `wire.RIG_STATE` samples from the rig.
@@ -119,28 +121,25 @@ class RigPort:
     ) -> None:
         self.settings = settings
         self._clock = clock
-        self._interfaces: list[RigInterface] = []
         talk = settings.wits0
 
         def named(frame: str) -> OnRigState | None:
             return None if on_rig_state is None else functools.partial(on_rig_state, frame)
 
-        if settings.wits0_server.enabled:
-            self._interfaces.append(Wits0Server(settings.wits0_server, talk, named(WITS)))
-        if settings.wits0_client.enabled:
-            self._interfaces.append(Wits0Client(settings.wits0_client, talk, named(WITS)))
-        if settings.wits0_serial.enabled:
-            self._interfaces.append(Wits0Serial(settings.wits0_serial, talk, named(WITS)))
-        if settings.opcua.enabled:
-            self._interfaces.append(OpcuaServer(settings.opcua, well, on_command, folder, authority))
-        if settings.modbus.enabled:
-            self._interfaces.append(ModbusServer(settings.modbus, named(MODBUS), authority))
-        if settings.modbus_serial.enabled:
-            self._interfaces.append(ModbusSerial(settings.modbus_serial, settings.modbus, named(MODBUS), authority))
-        if settings.polled.enabled:
-            self._interfaces.append(PolledUnit(settings.polled))
-        if settings.blackboard.enabled:
-            self._interfaces.append(Blackboard(settings.blackboard, named(OPCUA)))
+        interfaces: tuple[tuple[bool, Callable[[], RigInterface]], ...] = (
+            (settings.wits0_server.enabled, lambda: Wits0Server(settings.wits0_server, talk, named(WITS))),
+            (settings.wits0_client.enabled, lambda: Wits0Client(settings.wits0_client, talk, named(WITS))),
+            (settings.wits0_serial.enabled, lambda: Wits0Serial(settings.wits0_serial, talk, named(WITS))),
+            (settings.opcua.enabled, lambda: OpcuaServer(settings.opcua, well, on_command, folder, authority)),
+            (settings.modbus.enabled, lambda: ModbusServer(settings.modbus, named(MODBUS), authority)),
+            (
+                settings.modbus_serial.enabled,
+                lambda: ModbusSerial(settings.modbus_serial, settings.modbus, named(MODBUS), authority),
+            ),
+            (settings.polled.enabled, lambda: PolledUnit(settings.polled)),
+            (settings.blackboard.enabled, lambda: Blackboard(settings.blackboard, named(OPCUA))),
+        )
+        self._interfaces = [make() for enabled, make in interfaces if enabled]
         self._store = WitsmlStore(settings.witsml_store) if settings.witsml_store.enabled else None
         if self._store is not None:
             self._interfaces.append(self._store)

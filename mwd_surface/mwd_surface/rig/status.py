@@ -30,16 +30,12 @@ class RigStatusError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class RigStatus:
-    """
-    State of all interfaces of one well at one time.
-
-    written: time of this status, s since the epoch. process: process id of the surface node on its machine.
-    interfaces: state of each interface; the `since` of their peers is in s since the epoch.
-    """
+    """State of all interfaces of one well at one time."""
 
     well: str
-    written: float
-    process: int
+    written: float  #: time of this status, s since the epoch
+    process: int  #: process id of the surface node on its machine
+    #: State of each interface; the `since` of their peers is in s since the epoch.
     interfaces: tuple[InterfaceStatus, ...]
 
     def alive(self, now: float) -> bool:

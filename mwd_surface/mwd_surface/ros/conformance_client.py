@@ -26,13 +26,6 @@ class RosConformance:
     """
     Interface under test: the control authority on a ROS graph, with the decisions of the person at the rig.
 
-    Parameters
-    ----------
-    domain : int
-        Domain of the middleware.
-    namespace : str
-        Namespace of the well.
-
     Raises
     ------
     ValueError

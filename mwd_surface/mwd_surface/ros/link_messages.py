@@ -69,24 +69,7 @@ def frame_message(frame: FrameReport, words: list[ReceivedWord], link: str, stam
 
 def quality_message(quality: Quality, link: str, stamp_ns: int) -> msg.LinkQuality:
     """Return the state of a link as mwd_msgs/LinkQuality."""
-    message = msg.LinkQuality(
-        link=link,
-        state=quality.state,
-        reason=quality.reason,
-        ebn0_db=quality.ebn0_db,
-        margin_db=quality.ebn0_db - quality.needed_db,
-        clock_error=quality.clock_error,
-        word_error=quality.word_error,
-        goodput=quality.goodput,
-        latency=math.nan,
-        frame=quality.frame,
-        words_done=quality.words_done,
-        words_expected=quality.words_expected,
-        toolface_age=quality.toolface_age,
-        survey_age=quality.survey_age,
-        inclination_age=quality.inclination_age,
-        azimuth_age=quality.azimuth_age,
-        mode=quality.mode,
-    )
+    fields = {name: value for name, value in vars(quality).items() if name != "needed_db"}
+    message = msg.LinkQuality(link=link, margin_db=quality.ebn0_db - quality.needed_db, latency=math.nan, **fields)
     message.header.stamp = stamp(stamp_ns)
     return message

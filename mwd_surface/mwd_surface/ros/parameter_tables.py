@@ -21,8 +21,6 @@ class ParameterTables:
 
     Parameters
     ----------
-    node : GraphNode
-        Surface node.
     others : sequence of str
         Names of the other nodes, relative to the namespace of the well.
     """

@@ -44,38 +44,22 @@ DEG_PER_H = UnitScale("deg/h", 3600.0 * _DEG)
 
 @dataclasses.dataclass(frozen=True)
 class UnitConversions:
-    """
-    Conversions of one SI unit for protocols and files.
+    """Conversions of one SI unit for protocols and files."""
 
-    Attributes
-    ----------
-    unece, name : str
-        For OPC UA: UNECE common code (OPC 10000-8, section 5.6.3), and full name of the unit.
-    quantity : str
-        Quantity in the DDHub vocabulary.
-    people : UnitScale
-        Metric unit in files and on paper.
-    modbus, metric, fps : UnitScale
-        Unit of a Modbus register, and of a WITS item in each unit system.
-    witsml : str
-        WITSML symbol of `people`; empty if the exported WITSML has no element with this unit.
-    endings : tuple of str
-        Ends of a column's name in metric and in field units; empty if the unit is the same in both. In field units
-        files and paper have the unit `fps`.
-    field_witsml : str
-        WITSML symbol in field units.
-    """
-
+    #: `unece`, `name`: for OPC UA: UNECE common code (OPC 10000-8, section 5.6.3), and full name of the unit.
     unece: str
     name: str
-    quantity: str
-    people: UnitScale
+    quantity: str  #: quantity in the DDHub vocabulary
+    people: UnitScale  #: metric unit in files and on paper
+    #: `modbus`, `metric`, `fps`: unit of a Modbus register, and of a WITS item in each unit system.
     modbus: UnitScale
     metric: UnitScale
     fps: UnitScale
-    witsml: str = ""
+    witsml: str = ""  #: WITSML symbol of `people`; empty if the exported WITSML has no element with this unit
+    #: Ends of a column's name in metric and in field units; empty if the unit is the same in both. In field units files
+    #: and paper have the unit `fps`.
     endings: tuple[str, str] = ("", "")
-    field_witsml: str = ""
+    field_witsml: str = ""  #: WITSML symbol in field units
 
     def shown_in(self, system: str) -> UnitScale:
         """Return the unit of files and printed reports for a well; system: `METRIC` or `FIELD`."""

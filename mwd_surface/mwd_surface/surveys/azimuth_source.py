@@ -23,26 +23,16 @@ _UNCORRECTED = (AzimuthMethod.RAW, AzimuthMethod.GYRO, AzimuthMethod.GYRO_PROPAG
 
 @dataclasses.dataclass(frozen=True)
 class AzimuthSource:
-    """
-    Sensors and corrections that contributed to an azimuth.
+    """Sensors and corrections that contributed to an azimuth."""
 
-    Attributes
-    ----------
-    known : bool
-        Whether the sensors are known; false if the survey has no azimuth, or an azimuth without a method (imported
-        list, telemetry link).
-    gyro_share : float
-        Share of the gyro (north seeking) in the information about the azimuth, 0 to 1.
-    without_axial : bool
-        Whether the estimated axial field of the string was subtracted from the magnetometer reading.
-    multi_station : bool or None
-        Whether a multi-station analysis corrected the azimuth; None if unknown (the posterior of a run may use one
-        station or many).
-    """
-
+    #: Whether the sensors are known; false if the survey has no azimuth, or an azimuth without a method (imported list,
+    #: telemetry link).
     known: bool
-    gyro_share: float = 0.0
+    gyro_share: float = 0.0  #: share of the gyro (north seeking) in the information about the azimuth, 0 to 1
+    #: Whether the estimated axial field of the string was subtracted from the magnetometer reading.
     without_axial: bool = False
+    #: Whether a multi-station analysis corrected the azimuth; None if unknown (the posterior of a run may use one
+    #: station or many).
     multi_station: bool | None = None
 
     @property

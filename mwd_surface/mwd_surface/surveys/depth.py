@@ -87,41 +87,25 @@ class DepthRules(DepthJumpRules):
 
 @dataclasses.dataclass(frozen=True)
 class DepthReading:
-    """
-    Depth of the sensor at a survey.
+    """Depth of the sensor at a survey."""
 
-    measured_depth, bit_depth: depth of the sensor and of the bit, m.
-    depth_age: time between the survey and the depth reading used, s.
-    reason: why the depth is unknown, or empty.
-    by_hand: whether a person entered the reading used.
-    """
-
+    #: `measured_depth`, `bit_depth`: depth of the sensor and of the bit, m.
     measured_depth: float = math.nan
-    depth_age: float = math.nan
+    depth_age: float = math.nan  #: time between the survey and the depth reading used, s
     bit_depth: float = math.nan
-    reason: str = ""
-    by_hand: bool = False
+    reason: str = ""  #: why the depth is unknown, or empty
+    by_hand: bool = False  #: whether a person entered the reading used
 
 
 class DepthTrack:
-    """
-    Bit depth over time as reported by the rig.
-
-    Attributes
-    ----------
-    refused_null : int
-        Number of readings dropped because they are not a depth.
-    refused_jump : int
-        Number of readings dropped because the depth changed faster than a string can move.
-    refused_order : int
-        Number of readings dropped because they are not newer than an accepted reading, and no further readings confirm
-        that the clock was set back.
-    """
+    """Bit depth over time as reported by the rig."""
 
     def __init__(self, rules: DepthRules | None = None) -> None:
         self.rules = rules or DepthRules()
-        self.refused_null = 0
-        self.refused_jump = 0
+        self.refused_null = 0  #: number of readings dropped because they are not a depth
+        self.refused_jump = 0  #: number of readings dropped because the depth changed faster than a string can move
+        #: Number of readings dropped because they are not newer than an accepted reading, and no further readings
+        #: confirm that the clock was set back.
         self.refused_order = 0
         # These arrays take 17 bytes per reading; lists of numbers would take 70.
         self._stamps = array.array("q")

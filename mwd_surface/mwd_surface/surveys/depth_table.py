@@ -27,16 +27,11 @@ _BIT, _SENSOR = ("bit_depth", "bit", "dbtm", "hole_depth"), ("md", "measured_dep
 
 @dataclasses.dataclass(frozen=True)
 class DepthTable:
-    """
-    Depths from a table.
+    """Depths from a table."""
 
-    by_number: depth of the sensor by survey number, m. by_time: stamp, ns, and depth, m, in order of time.
-    of_bit: whether the depths by time are those of the bit instead of the sensor.
-    """
-
-    by_number: dict[int, float] = dataclasses.field(default_factory=dict)
-    by_time: tuple[tuple[int, float], ...] = ()
-    of_bit: bool = False
+    by_number: dict[int, float] = dataclasses.field(default_factory=dict)  #: depth of the sensor by survey number, m
+    by_time: tuple[tuple[int, float], ...] = ()  #: stamp, ns, and depth, m, in order of time
+    of_bit: bool = False  #: whether the depths by time are those of the bit instead of the sensor
 
     def sensor_depth(self, sequence: int, stamp_ns: int, sensor_to_bit: float) -> DepthReading:
         """

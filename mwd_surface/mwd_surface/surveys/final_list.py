@@ -46,37 +46,31 @@ class ListSource:
 
 @dataclasses.dataclass(frozen=True)
 class Overlap:
-    """
-    An interval that two sources cover.
+    """An interval that two sources cover."""
 
-    from_m, to_m: measured depths.
-    used, left_out: names of the sources.
-    sigma_used, sigma_left_out: semi-major axis of the horizontal error ellipse at to_m, 1 sigma, m, of the path with
-    each source.
-    apart: depths, m, at which the two paths differ by more than the 99.9 % limit of their uncertainties.
-    """
-
+    #: `from_m`, `to_m`: measured depths.
     from_m: float
     to_m: float
+    #: `used`, `left_out`: names of the sources.
     used: str
     left_out: str
+    #: `sigma_used`, `sigma_left_out`: semi-major axis of the horizontal error ellipse at to_m, 1 sigma, m, of the path
+    #: with each source.
     sigma_used: float
     sigma_left_out: float
+    #: Depths, m, at which the two paths differ by more than the 99.9 % limit of their uncertainties.
     apart: tuple[float, ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class FinalList:
-    """
-    The final list, the survey programme of its stations, the overlaps of its sources, and remarks for people.
-
-    sources: name of the source of each station, by its number.
-    """
+    """The final list, the survey programme of its stations, the overlaps of its sources, and remarks for people."""
 
     surveys: SurveyList
     programme: SurveyProgramme
     overlaps: tuple[Overlap, ...] = ()
     remarks: tuple[str, ...] = ()
+    #: Name of the source of each station, by its number.
     sources: Mapping[int, str] = dataclasses.field(default_factory=dict)
 
 

@@ -22,11 +22,7 @@ class Origin(enum.StrEnum):
 
 @dataclasses.dataclass(frozen=True)
 class TieOn:
-    """
-    Start of a leg: depth and position in m, angles in rad; azimuth and position refer to the north of the well.
-
-    source: origin of the tie-on.
-    """
+    """Start of a leg: depth and position in m, angles in rad; azimuth and position refer to the north of the well."""
 
     measured_depth: float = 0.0
     inclination: float = 0.0
@@ -34,7 +30,7 @@ class TieOn:
     north: float = 0.0
     east: float = 0.0
     vertical_depth: float = 0.0
-    source: Origin = Origin.WELLHEAD
+    source: Origin = Origin.WELLHEAD  #: origin of the tie-on
 
     @classmethod
     def given(
@@ -60,12 +56,8 @@ class TieOn:
 
 @dataclasses.dataclass(frozen=True)
 class Leg:
-    """
-    A section of hole with its own stations.
-
-    parent: name of the leg from which this leg branches off; empty for the main leg.
-    """
+    """A section of hole with its own stations."""
 
     name: str = MAIN
     tie_on: TieOn = dataclasses.field(default_factory=TieOn)
-    parent: str = ""
+    parent: str = ""  #: name of the leg from which this leg branches off; empty for the main leg

@@ -37,13 +37,7 @@ class DepthByHand:
 
 @dataclasses.dataclass(frozen=True)
 class Decided:
-    """
-    Decision about a survey that a person made at `stamp_ns`; log_ns: time at which the message was recorded.
-
-    measured_depth: depth given with the decision, m; NaN if none was given. replace, value: as in `SurveyList.accept`.
-    as_listed: whether the decision comes from a recorded survey list, because the recording has no operator events.
-    Then measured_depth is the depth of the survey in that list, which the person may not have entered.
-    """
+    """Decision about a survey that a person made at `stamp_ns`; log_ns: time at which the message was recorded."""
 
     log_ns: int
     uuid: str
@@ -51,9 +45,12 @@ class Decided:
     operator_name: str
     reason: str
     stamp_ns: int
-    measured_depth: float = math.nan
+    measured_depth: float = math.nan  #: depth given with the decision, m; NaN if none was given
+    #: `replace`, `value`: as in `SurveyList.accept`.
     replace: bool = True
     value: int = int(Value.DEFINITIVE)
+    #: Whether the decision comes from a recorded survey list, because the recording has no operator events. Then
+    #: `measured_depth` is the depth of the survey in that list, which the person may not have entered.
     as_listed: bool = False
 
     def applied(self, surveys: SurveyList, *, depths: bool) -> SurveyList:
@@ -86,29 +83,18 @@ Change = DepthByHand | Decided | Revised
 
 @dataclasses.dataclass(frozen=True)
 class RecordedList:
-    """
-    Information in the survey lists of a recording.
+    """Information in the survey lists of a recording."""
 
-    Attributes
-    ----------
-    first, records : dict of SurveyRecord
-        Record of each survey by uuid: in the first list that has the survey, and in the last list of the recording.
-    changes : tuple of Change
-        Changes of the list, in the order of recording.
-    arrived_ns : dict of int
-        Time at which the message of each survey was recorded, by uuid.
-    last : SurveyList or None
-        Last list, with legs and plan; None if there is no list.
-    without_events : bool
-        Whether operator events are missing: the recording has survey lists but neither operator events nor used
-        samples, or it has live surveys but no survey list.
-    """
-
+    #: `first`, `records`: record of each survey by uuid: in the first list that has the survey, and in the last list of
+    #: the recording.
     first: Mapping[str, SurveyRecord] = dataclasses.field(default_factory=dict)
     records: Mapping[str, SurveyRecord] = dataclasses.field(default_factory=dict)
-    changes: tuple[Change, ...] = ()
+    changes: tuple[Change, ...] = ()  #: changes of the list, in the order of recording
+    #: Time at which the message of each survey was recorded, by uuid.
     arrived_ns: Mapping[str, int] = dataclasses.field(default_factory=dict)
-    last: SurveyList | None = None
+    last: SurveyList | None = None  #: last list, with legs and plan; None if there is no list
+    #: Whether operator events are missing: the recording has survey lists but neither operator events nor used samples,
+    #: or it has live surveys but no survey list.
     without_events: bool = False
 
     def before(self, start_ns: int) -> list[SurveyRecord]:

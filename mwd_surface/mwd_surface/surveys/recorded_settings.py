@@ -56,17 +56,12 @@ class SurfacePart:
 
 @dataclasses.dataclass(frozen=True)
 class Recorded:
-    """
-    Settings found in a recording; `estimator` and `surface` are None if the recording has none.
-
-    source: origin of the settings of the estimator, in words. remarks: sentences on settings that this version cannot
-    use.
-    """
+    """Settings found in a recording; `estimator` and `surface` are None if the recording has none."""
 
     estimator: EstimatorSettings | None = None
     surface: SurfacePart | None = None
-    source: str = ""
-    remarks: tuple[str, ...] = ()
+    source: str = ""  #: origin of the settings of the estimator, in words
+    remarks: tuple[str, ...] = ()  #: sentences on settings that this version cannot use
 
     def well(self, usual: Well) -> Well:
         """

@@ -43,15 +43,12 @@ class RodSettings:
 
 @dataclasses.dataclass(frozen=True)
 class RodChange:
-    """
-    One change of the rods in the hole, which is one line of the log.
-
-    rods, bit_depth: number of rods and bit depth, m, after the change. length: length of each changed rod, m.
-    """
+    """One change of the rods in the hole, which is one line of the log."""
 
     stamp_ns: int
     action: str
-    length: float
+    length: float  #: length of each changed rod, m
+    #: `rods`, `bit_depth`: number of rods and bit depth, m, after the change.
     rods: int
     bit_depth: float
     operator: str
@@ -67,15 +64,11 @@ class RodChange:
 
 @dataclasses.dataclass(frozen=True)
 class RodTally:
-    """
-    Rods in the hole.
+    """Rods in the hole."""
 
-    first: bit depth without a rod, m. lengths: length of each rod, m, starting at the bit. changes: the log.
-    """
-
-    first: float
-    lengths: tuple[float, ...] = ()
-    changes: tuple[RodChange, ...] = ()
+    first: float  #: bit depth without a rod, m
+    lengths: tuple[float, ...] = ()  #: length of each rod, m, starting at the bit
+    changes: tuple[RodChange, ...] = ()  #: the log
 
     @property
     def bit_depth(self) -> float:
@@ -202,8 +195,6 @@ class RodLog:
 
     Parameters
     ----------
-    path : Path
-        File of the log; it need not exist.
     most_bytes : int
         Largest number of bytes to read. Of a longer file only the end is read; its cut-off beginning counts as one
         unreadable line.

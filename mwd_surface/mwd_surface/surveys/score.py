@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""
-Comparison of surveys with the truth published by a simulated sonde, printed at the end of `mwd run`.
-
-The comparison is for people only; no estimator reads the truth.
-"""
+"""Judgement of a run: its surveys against the truth of a simulation, and the surveys that its links did not receive."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +16,12 @@ from mwd_estimation.survey.survey import AzimuthEstimate, Survey, Verdict
 from mwd_sensors.core import budgets, wire
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.input_files import check_regular
+from mwd_sensors.core.message_record import stamp_of
+from mwd_sensors.telemetry import meanings
 from mwd_surface.bags.bag_reader import Bag, BagError
+
+# Comparison with the truth published by a simulated sonde, printed at the end of `mwd run`. The comparison is for
+# people only; no estimator reads the truth.
 
 SURVEY_TYPE = "mwd_msgs/msg/Survey"
 _NEAREST = 0.6  # longest time between a survey and the sample of the truth with which the survey is compared, s
@@ -27,35 +29,23 @@ _NEAREST = 0.6  # longest time between a survey and the sample of the truth with
 
 @dataclasses.dataclass(frozen=True)
 class Scored:
-    """
-    One survey and the truth; angles in rad, azimuths from true north, None where unknown.
-
-    Attributes
-    ----------
-    measured_depth : float
-        True depth of the sonde, m.
-    inclination, azimuth : float
-        True values.
-    raw, corrected, chosen : float or None
-        Azimuth as measured, corrected for axial interference, and as reported by the survey.
-    sigma_azimuth : float or None
-        1 sigma of the reported azimuth.
-    action : str
-        Main reason to act; empty for an accepted survey.
-    """
+    """One survey and the truth; angles in rad, azimuths from true north, None where unknown."""
 
     sequence: int
-    measured_depth: float
+    measured_depth: float  #: true depth of the sonde, m
+    #: `inclination`, `azimuth`: true values.
     inclination: float
     azimuth: float
     measured_inclination: float
     sigma_inclination: float
+    #: `raw`, `corrected`, `chosen`: azimuth as measured, corrected for axial interference, and as reported by the
+    #: survey.
     raw: float | None
     corrected: float | None
     chosen: float | None
-    sigma_azimuth: float | None
+    sigma_azimuth: float | None  #: 1 sigma of the reported azimuth
     verdict: Verdict
-    action: str
+    action: str  #: main reason to act; empty for an accepted survey
 
     @property
     def inclination_error(self) -> float:
@@ -148,3 +138,98 @@ def _from_true_north(survey: Survey, estimate: AzimuthEstimate) -> float | None:
     return dataclasses.replace(survey, azimuth=estimate.azimuth % math.tau, north=estimate.north).azimuth_from(
         North.TRUE
     )
+
+
+# Intervals with flow for which a link received no complete survey.
+
+_WORD, _QUALITY, _SURVEY = "mwd_msgs/msg/LinkWord", "mwd_msgs/msg/LinkQuality", "mwd_msgs/msg/Survey"
+# Constants of LinkWord (kind, status, revision) and of LinkQuality (state).
+_OF_SURVEY, _ERASED, _FINAL = 2, 1, 1
+_NO_INPUT, _NO_FLOW = 0, 1
+
+
+class Unlisted(NamedTuple):
+    """
+    Interval with flow whose survey was not received completely: begin and end, ns, and the reason.
+
+    A tool sends a survey at the beginning of each interval with flow.
+    """
+
+    start_ns: int
+    end_ns: int
+    reason: str
+
+
+@dataclasses.dataclass
+class _Flow:
+    """Interval with flow at one link: end of the previous flow, begin, end, ns; the link's reasons for missing data."""
+
+    before_ns: int
+    start_ns: int
+    end_ns: int
+    reasons: list[str]
+
+
+def unlisted(bag: Bag, namespace: str = "") -> list[Unlisted]:
+    """
+    Return the intervals with flow for which a link received no complete survey, each with a reason.
+
+    Intervals for which the link gave no reason are left out. A wired tool also sends without flow, so its lost surveys
+    cannot be found.
+    """
+    prefix = namespace.strip("/")
+    if not all(any(topic.type_name == kind for topic in bag.topics.values()) for kind in (_WORD, _QUALITY)):
+        return []
+    listed = []
+    if any(topic.type_name == _SURVEY for topic in bag.topics.values()):
+        surveys = bag.find_topic(_SURVEY, f"{prefix}/link/survey")
+        listed = [stamp_of(bag.decode(name, data).header.stamp) for _, name, _, data in bag.messages([surveys])]
+    erased = _erased(bag, bag.find_topic(_WORD, f"{prefix}/link/word"))
+    found: dict[int, Unlisted] = {}
+    for flow in _flows(bag, bag.find_topic(_QUALITY, f"{prefix}/link/quality")):
+        if any(flow.before_ns <= stamp <= flow.end_ns for stamp in listed):
+            continue
+        reason = next((text for at, text in erased if flow.start_ns <= at <= flow.end_ns), "")
+        reason = reason or next(iter(flow.reasons[-1:]), "")
+        if reason:
+            found.setdefault(flow.start_ns, Unlisted(flow.start_ns, flow.end_ns, reason))
+    return list(found.values())
+
+
+def _erased(bag: Bag, topic: str) -> list[tuple[int, str]]:
+    """Return the times, ns, of survey inclinations that were dropped as too uncertain, each with a sentence."""
+    out = []
+    for _, name, _, data in bag.messages([topic]):
+        word = bag.decode(name, data)
+        if (word.kind, word.status, word.revision) != (_OF_SURVEY, _ERASED, _FINAL):
+            continue
+        if meanings.meaning_of(word.name) == meanings.INCLINATION:
+            out.append(
+                (stamp_of(word.start), f"the inclination was not received clearly, confidence {word.confidence:.2f}")
+            )
+    return out
+
+
+def _flows(bag: Bag, topic: str) -> list[_Flow]:
+    """Return the intervals with flow of all links; flow before the first report without flow of a link is left out."""
+    flows: list[_Flow] = []
+    now: dict[str, _Flow | None] = {}
+    stopped: dict[str, int] = {}
+    for _, name, _, data in bag.messages([topic]):
+        quality = bag.decode(name, data)
+        stamp, link = stamp_of(quality.header.stamp), quality.link
+        if quality.state == _NO_INPUT:
+            continue
+        if quality.state == _NO_FLOW:
+            if now.get(link) is not None or link not in stopped:
+                stopped[link] = stamp
+            now[link] = None
+        elif link in stopped:
+            flow = now.get(link)
+            if flow is None:
+                flow = _Flow(stopped[link], stamp, stamp, [])
+                now[link] = flow
+                flows.append(flow)
+            flow.end_ns = stamp
+            flow.reasons += [quality.reason] if quality.reason else []
+    return flows

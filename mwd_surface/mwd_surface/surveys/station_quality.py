@@ -56,27 +56,17 @@ class QualityLimits:
 
 @dataclasses.dataclass(frozen=True)
 class Total:
-    """
-    One total of a survey: gravity, m/s^2, field, T, or dip, rad.
-
-    read: measured value, None without that sensor.
-    value: value that is judged.
-    reference: reference value, None if there is none.
-    deviation: value minus reference as used by the verdict, None if either is unknown.
-    limit: largest absolute deviation that is good.
-    light: GOOD, DOUBTFUL or REJECT; NO_REFERENCE or NOT_MEASURED if no judgement is possible.
-    corrected: whether `value` excludes the string's field.
-    """
+    """One total of a survey: gravity, m/s^2, field, T, or dip, rad."""
 
     name: str
     unit: str
-    read: float | None
-    value: float | None
-    reference: float | None
-    deviation: float | None
-    limit: float
-    light: str
-    corrected: bool
+    read: float | None  #: measured value, None without that sensor
+    value: float | None  #: value that is judged
+    reference: float | None  #: reference value, None if there is none
+    deviation: float | None  #: value minus reference as used by the verdict, None if either is unknown
+    limit: float  #: largest absolute deviation that is good
+    light: str  #: GOOD, DOUBTFUL or REJECT; NO_REFERENCE or NOT_MEASURED if no judgement is possible
+    corrected: bool  #: whether `value` excludes the string's field
 
 
 def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, Total, Total]:

@@ -21,8 +21,7 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.survey import AzimuthEstimate, Verdict
 from mwd_sensors.core.arrays import Array
 from mwd_surface.signals.cells import fixed, quoted, utc
-from mwd_surface.signals.signal import AS_STORED, PLAN, POSITION, Display, Listed, Signal
-from mwd_surface.signals.table import SURVEY_TABLE
+from mwd_surface.signals.table import AS_STORED, PLAN, POSITION, SURVEY_TABLE, Display, Listed, Signal
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import Total, totals
 from mwd_surface.surveys.survey_list import SurveyList
@@ -67,10 +66,13 @@ class Line:
         """
         Return the estimate of the azimuth by a method (`by_gyro`), or a component of a reading (`specific_force_x`).
 
-        Raises AttributeError for any other name.
+        `verdict`, `verdict_inclination` and so on are the automatic verdicts in words. Raises AttributeError for any
+        other name.
         """
         if name.startswith("by_"):
             return self._by(name.removeprefix("by_"))
+        if name.startswith("verdict"):
+            return _word(getattr(self.survey, name))
         vector, _, axis = name.rpartition("_")
         if vector in ("specific_force", "magnetic_field", "angular_rate") and axis in ("x", "y", "z"):
             return getattr(self.survey, vector)["xyz".index(axis)]
@@ -118,26 +120,6 @@ class Line:
         """Possible disturbances, each followed by its probability, 0 to 1."""
         pairs = zip(self.survey.hypotheses, self.survey.hypothesis_odds, strict=True)
         return " ".join(f"{name} {fixed(odds, 3)}" for name, odds in pairs)
-
-    @property
-    def verdict(self) -> str:
-        """Automatic verdict on the whole survey, in a word."""
-        return _word(self.survey.verdict)
-
-    @property
-    def verdict_inclination(self) -> str:
-        """Automatic verdict of the inclination."""
-        return _word(self.survey.verdict_inclination)
-
-    @property
-    def verdict_azimuth(self) -> str:
-        """Automatic verdict of the azimuth."""
-        return _word(self.survey.verdict_azimuth)
-
-    @property
-    def verdict_toolface(self) -> str:
-        """Automatic verdict of the toolface."""
-        return _word(self.survey.verdict_toolface)
 
     @property
     def first_verdict(self) -> str:

@@ -50,19 +50,16 @@ _CLEARLY = 0.8
 
 @dataclasses.dataclass(frozen=True)
 class SurveyList:
-    """
-    Survey list of a well, in order of measured depth within each leg; the docstring of the module describes its rules.
-
-    leg, tool: leg and tool of the next surveys. changed_ns: time of the last change.
-    """
+    """Survey list of a well, in order of depth within each leg; the docstring of the module describes its rules."""
 
     well: Well = dataclasses.field(default_factory=Well)
     rules: ListRules = dataclasses.field(default_factory=ListRules)
     legs: tuple[Leg, ...] = (Leg(),)
     records: tuple[SurveyRecord, ...] = ()
+    #: `leg`, `tool`: leg and tool of the next surveys.
     leg: str = MAIN
     tool: str = ""
-    changed_ns: int = 0
+    changed_ns: int = 0  #: time of the last change
     #: Plan in force; the vertical section lies along the plan if the well sets no azimuth.
     plan: Plan | None = None
     #: Assumptions behind the list, for example those of the reader that imported it.
@@ -205,12 +202,8 @@ class SurveyList:
 
         Parameters
         ----------
-        sequence : int
-            Number of the survey.
         operator_name, reason : str
             Person and reason. The name must not be empty.
-        stamp_ns : int
-            Time of the decision.
         measured_depth : float
             New depth of the survey, m; NaN keeps the present one.
         replace : bool

@@ -15,7 +15,6 @@ import hashlib
 import json
 import os
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from mwd_sensors.core import budgets
@@ -37,15 +36,11 @@ class StoreError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class Loaded:
-    """
-    Result of loading: the list, and messages for the operator.
-
-    fell_back: whether the newest file was missing or damaged, so that changes may be lost.
-    """
+    """Result of loading: the list, and messages for the operator."""
 
     surveys: SurveyList
     messages: tuple[str, ...] = ()
-    fell_back: bool = False
+    fell_back: bool = False  #: whether the newest file was missing or damaged, so that changes may be lost
 
 
 class SurveyStore:
@@ -80,9 +75,7 @@ class SurveyStore:
     def __enter__(self) -> SurveyStore:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def save(self, surveys: SurveyList) -> None:

@@ -8,7 +8,7 @@ import math
 
 from mwd_sensors.core.angle_convention import CONVENTIONS, AngleConvention
 from mwd_sensors.core.settings import setting
-from mwd_surface.signals.signal import Display
+from mwd_surface.signals.table import Display
 from mwd_surface.signals.units import FIELD, METRIC
 
 NORTHS = ("magnetic", "true", "grid")

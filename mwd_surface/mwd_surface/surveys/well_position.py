@@ -37,14 +37,10 @@ _OF_START = (RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.TIE_ON_ASSUMED)
 
 @dataclasses.dataclass(frozen=True)
 class PathCovariance:
-    """
-    Covariance of the stations of a path.
+    """Covariance of the stations of a path."""
 
-    covariance: shape (n, 3, 3), m^2 in the axes of the path, or None; note: the error model, or why it is None.
-    """
-
-    covariance: Array | None
-    note: str
+    covariance: Array | None  #: shape (n, 3, 3), m^2 in the axes of the path, or None
+    note: str  #: the error model, or why there is no covariance
 
 
 def programme_of(well: Well) -> SurveyProgramme | None:

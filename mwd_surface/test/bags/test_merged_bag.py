@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.bags.mcap.recovery_report import check
+from mwd_surface.bags.mcap.recovery import check
 from mwd_surface.bags.merged_bag import merged_bag
 
 START = 1_700_000_000_000_000_000

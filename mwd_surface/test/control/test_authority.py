@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from mwd_sensors.core.unknown import or_none
-from mwd_surface.control.authority import ControlAuthority
-from mwd_surface.control.rig_commands import RIG_TIMEOUT
+from mwd_surface.control.authority import RIG_TIMEOUT, ControlAuthority
 from mwd_surface.control.set_point import LeaseLimits, Mode, SetPoint, ramped
 from mwd_surface.control.settings import REACTIONS, ControlSettings
 from mwd_surface.control.status import (

@@ -12,8 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from mwd_sensors.core.units import LPM, RPM
 from mwd_sensors.telemetry.downlink import COUNTERS, FLOW, Downlink, DownlinkFrame
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.downlink.interlocks import InterlockReadings
-from mwd_surface.downlink.machine import ENDED, NEXT, PERMISSION_S, DownlinkState, Machine
+from mwd_surface.downlink.machine import ENDED, NEXT, PERMISSION_S, DownlinkState, InterlockReadings, Machine
 from mwd_surface.downlink.memory import Kept
 from mwd_surface.downlink.settings import DownlinkSettings
 

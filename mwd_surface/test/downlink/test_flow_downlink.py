@@ -15,8 +15,7 @@ from mwd_sensors.core.units import LPM
 from mwd_sensors.simulator.sonde import CommandedFlow
 from mwd_sensors.telemetry.downlink import FLOW, Downlink
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.downlink.interlocks import InterlockReadings
-from mwd_surface.downlink.machine import DownlinkState, Machine
+from mwd_surface.downlink.machine import DownlinkState, InterlockReadings, Machine
 from mwd_surface.downlink.settings import DownlinkSettings
 
 START = 1_700_000_000_000_000_000

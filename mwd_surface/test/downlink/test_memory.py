@@ -10,7 +10,7 @@ from mwd_surface.downlink.machine import Machine
 from mwd_surface.downlink.memory import Kept, Memory
 from mwd_surface.downlink.settings import DownlinkSettings
 from mwd_surface.downlink.status import DownlinkStatus
-from mwd_surface.page.plain import plain
+from mwd_surface.page.state_json import plain
 
 TOOL = ToolConfiguration(downlink=Downlink(pulse_widths_s=(0.3, 0.5)))
 

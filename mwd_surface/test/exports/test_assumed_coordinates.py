@@ -24,10 +24,9 @@ from mwd_surface.exports.report_plots import plan_view, section_view
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.list_files.list_file import list_of
 from mwd_surface.list_files.remark import RemarkKind, distinct
-from mwd_surface.page.survey_panel import path_table, survey_row
+from mwd_surface.page.state_json import path_table, survey_row
 from mwd_surface.rig.survey import accepted_surveys
-from mwd_surface.rig.value import Condition
-from mwd_surface.rig.values import nothing_yet, survey_values
+from mwd_surface.rig.values import Condition, nothing_yet, survey_values
 from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
 from mwd_surface.signals.table import LISTED
 from mwd_surface.surveys.imported_list import survey_list

@@ -18,7 +18,7 @@ from lxml import etree
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.export import FORMATS, ExportError, export_file
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.page.survey_panel import path_table, quality_lights, survey_row
+from mwd_surface.page.state_json import path_table, quality_lights, survey_row
 from mwd_surface.surveys.station_quality import QualityLimits
 from mwd_surface.trajectory.plan import plan_of
 

@@ -15,7 +15,7 @@ from mwd_surface.exports.report_logs import health_section
 from mwd_surface.exports.report_section import TINTS, Section, sheet_of
 from mwd_surface.language.language import language
 from mwd_surface.logs.tool_health import HealthLedger
-from mwd_surface.signals.signal import Display
+from mwd_surface.signals.table import Display
 
 S = 10**9
 

@@ -14,7 +14,7 @@ from mwd_surface.logs.log_journal import NAME, LogJournal
 from mwd_surface.logs.recorded_log import FILE
 from mwd_surface.logs.tool_health import HealthLedger, ToolHealth
 from mwd_surface.runs.player import run_logs
-from mwd_surface.signals.signal import Display
+from mwd_surface.signals.table import Display
 from mwd_surface.signals.units import FIELD
 
 S = 10**9

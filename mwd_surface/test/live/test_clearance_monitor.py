@@ -10,8 +10,8 @@ import pytest
 from example_alarms import active
 
 from mwd_surface.live.alarms import AlarmLog, Severity
-from mwd_surface.live.clearance_monitor import ClearanceMonitor
 from mwd_surface.live.live_state import LiveState
+from mwd_surface.live.plan_monitor import ClearanceMonitor
 from mwd_surface.live.well_clock import WellClock
 from mwd_surface.page.state_json import StateJson
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from mwd_surface.live.pressure_picture import LINE_HZ, LINE_S, PressureHistory
+from mwd_surface.live.link_state import LINE_HZ, LINE_S, PressureHistory
 
 
 def pushed(rate, seconds, block, hertz=1.5):

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from mwd_surface.live.strip_history import StripHistory
+from mwd_surface.live.latest_values import StripHistory
 
 
 def test_a_row_holds_the_mean_or_the_largest_of_its_interval():

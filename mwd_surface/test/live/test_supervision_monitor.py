@@ -9,8 +9,7 @@ pytest.importorskip("rclpy")
 
 from mwd_sensors.core import wire
 from mwd_sensors.ros.lifecycle_node import Heartbeat
-from mwd_surface.live.live_well import SupervisionMonitor
-from mwd_surface.live.supervision import TABLE
+from mwd_surface.live.supervision import TABLE, SupervisionMonitor
 from mwd_surface.live.well_clock import WellClock
 
 NODES = sorted({row.node for row in TABLE if row.alarm.startswith("memory.")})

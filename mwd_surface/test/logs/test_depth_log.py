@@ -19,10 +19,8 @@ from mwd_surface.live.live_state import LiveState
 from mwd_surface.logs import depth_log
 from mwd_surface.logs.depth_log import ALL, DEEPEST, FIRST, PASSES, DepthLog, shift_between
 from mwd_surface.logs.log_files import FORMATS, gap_lines
-from mwd_surface.page.log_table import held_steps, log_table
-from mwd_surface.rig.derived_values import log_values
-from mwd_surface.rig.value import Condition
-from mwd_surface.rig.values import rig_values
+from mwd_surface.page.state_json import held_steps, log_table
+from mwd_surface.rig.values import Condition, log_values, rig_values
 from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
 from mwd_surface.surveys.well import Well
 

@@ -15,7 +15,7 @@ from mwd_sensors.simulator import battery as simulated
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_sensors.telemetry.tool_limits import BatteryLimits, ExposureLimit, ToolLimits, ToolPart
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.health_alarms import health_alarms
+from mwd_surface.live.log_monitor import health_alarms
 from mwd_surface.logs.tool_health import HealthLedger
 
 S = 10**9

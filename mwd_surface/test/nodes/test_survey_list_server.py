@@ -20,7 +20,7 @@ from mwd_surface.live.well_context import WellContext, WellOutlet
 from mwd_surface.nodes.rod_server import RodServer
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.nodes.survey_list_server import SurveyListServer
-from mwd_surface.page.survey_panel import survey_row
+from mwd_surface.page.state_json import survey_row
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.depth import DepthTrack
 from mwd_surface.surveys.leg import MAIN

@@ -17,9 +17,8 @@ from mwd_surface.live.link_state import (
     WordStatus,
 )
 from mwd_surface.live.live_state import LiveState
-from mwd_surface.page.plain import plain
 from mwd_surface.page.state_feed import dumps
-from mwd_surface.page.state_json import StateJson
+from mwd_surface.page.state_json import StateJson, plain
 
 QUALITY = LinkStatus(
     *("mud_pulse", LOCKED, "", 9.5, 3.5, 1e-4, 0.01, 0.4, "survey", 2, 7, 12.0, math.nan, 40.0, 50.0),

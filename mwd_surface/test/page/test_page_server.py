@@ -23,8 +23,7 @@ from hypothesis import strategies as st
 from mwd_sensors.core import wire
 from mwd_sensors.core.settings import flat
 from mwd_surface.live.well_state import NodeDiagnostic
-from mwd_surface.page.access import SecretAccess, read_token
-from mwd_surface.page.commands import COMMANDS, checked_arguments
+from mwd_surface.page.commands import COMMANDS, SecretAccess, checked_arguments, read_token
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from mwd_surface.page.plain import number, numbers
+from mwd_surface.page.state_json import number, numbers
 
 
 @pytest.mark.parametrize("value", [None, math.nan, math.inf, -math.inf])

@@ -17,8 +17,7 @@ from mwd_surface.clearance.clearance import Clearance, ClearanceRule
 from mwd_surface.live.alarms import AlarmLog, Severity
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import AlarmState, DiagnosticLevel, NodeDiagnostic, ReferenceFieldState, SurveyProgress
-from mwd_surface.page.plain import plain
-from mwd_surface.page.state_json import StateJson
+from mwd_surface.page.state_json import StateJson, plain
 from mwd_surface.signals.table import SIGNALS
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import Offset, plan_of

@@ -13,8 +13,8 @@ from example_surveys import NO_AZIMUTH
 
 from mwd_estimation.core.north import North
 from mwd_estimation.survey.survey import Verdict
-from mwd_surface.page import survey_panel
-from mwd_surface.page.survey_panel import QualityLimits, path_table, quality_lights, survey_row
+from mwd_surface.page import state_json
+from mwd_surface.page.state_json import QualityLimits, path_table, quality_lights, survey_row
 from mwd_surface.signals.table import SURVEY_TABLE
 from mwd_surface.surveys.survey_list import SurveyList
 
@@ -109,9 +109,9 @@ def test_a_limit_that_is_not_known_leaves_the_usual_one():
 
 
 def test_every_unit_of_a_survey_has_a_kind_that_the_page_knows():
-    text = (Path(survey_panel.__file__).parent / "static" / "units.js").read_text(encoding="utf-8")
+    text = (Path(state_json.__file__).parent / "static" / "units.js").read_text(encoding="utf-8")
     kinds = set(re.findall(r"^  (\w+): \[\[", text, re.MULTILINE))
     symbols = {signal.listed_scale.symbol for signal, _ in SURVEY_TABLE if signal.type == "Double"}
-    assert symbols <= set(survey_panel._KINDS)
-    assert set(survey_panel._KINDS.values()) <= kinds
-    assert [column["title"] for column in survey_panel.COLUMNS][:3] == ["MD", "Inc", "Azi"]
+    assert symbols <= set(state_json._KINDS)
+    assert set(state_json._KINDS.values()) <= kinds
+    assert [column["title"] for column in state_json.COLUMNS][:3] == ["MD", "Inc", "Azi"]

@@ -5,8 +5,7 @@ import pytest
 from csv_rows import rows_of
 from example_words import received
 
-from mwd_surface.receiver.word_files import WordFiles, surveys_csv, words_csv
-from mwd_surface.receiver.words import BY_CONSISTENCY, ERASED
+from mwd_surface.receiver.words import BY_CONSISTENCY, ERASED, WordFiles, surveys_csv, words_csv
 
 WORD = received("Inc", 31.5)
 

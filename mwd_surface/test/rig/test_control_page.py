@@ -18,11 +18,10 @@ from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.control.status import Achieved, ControlJudgement, ControlRequest, ControlState, Sender
-from mwd_surface.rig.modbus.server import ModbusServer
-from mwd_surface.rig.modbus.settings import ModbusSettings
+from mwd_surface.rig.modbus.server import ModbusServer, ModbusSettings
+from mwd_surface.rig.opcua.access import OpcuaSettings
 from mwd_surface.rig.opcua.address_space import NAMESPACE
 from mwd_surface.rig.opcua.server import OpcuaServer
-from mwd_surface.rig.opcua.settings import OpcuaSettings
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "rig" / "control.md"
 SETTINGS = ControlSettings(enabled=True, grant="automatic", heartbeat_s=20.0)

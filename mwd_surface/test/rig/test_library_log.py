@@ -6,7 +6,7 @@ import logging
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.rig.library_log import LibraryLog
+from mwd_surface.rig.interface import LibraryLog
 
 
 def logged(messages, step_s=0.0):

@@ -22,14 +22,11 @@ from mwd_surface.rig.interface import (
     port_error,
     probe_port,
 )
-from mwd_surface.rig.modbus.serial_line import ModbusSerial
-from mwd_surface.rig.modbus.server import ModbusServer
-from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
+from mwd_surface.rig.modbus.server import ModbusSerial, ModbusSerialSettings, ModbusServer, ModbusSettings
+from mwd_surface.rig.opcua.access import OpcuaSettings
 from mwd_surface.rig.opcua.server import OpcuaServer
-from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.polled.unit import PolledSettings, PolledUnit
-from mwd_surface.rig.wits.client import Wits0Serial, Wits0SerialSettings
-from mwd_surface.rig.wits.server import Wits0Server, Wits0ServerSettings
+from mwd_surface.rig.wits.connections import Wits0Serial, Wits0SerialSettings, Wits0Server, Wits0ServerSettings
 
 
 class Echo(RigInterface):

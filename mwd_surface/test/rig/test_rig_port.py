@@ -16,11 +16,11 @@ from mwd_sensors.core import settings
 from mwd_surface.rig.input import RigInputSettings
 from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.rig.modbus.map import StatusBit
-from mwd_surface.rig.modbus.settings import ModbusSettings
+from mwd_surface.rig.modbus.server import ModbusSettings
 from mwd_surface.rig.port import RigPort, RigSettings
+from mwd_surface.rig.wits.connections import Wits0ServerSettings
 from mwd_surface.rig.wits.format import Decoder
 from mwd_surface.rig.wits.link import Wits0Settings
-from mwd_surface.rig.wits.server import Wits0ServerSettings
 
 
 def rig_settings(**changes):

@@ -12,10 +12,8 @@ from mwd_estimation.core.status import Status
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.toolface import GRAVITY, MAGNETIC
 from mwd_surface.rig.survey import accepted_surveys
-from mwd_surface.rig.value import Condition
-from mwd_surface.rig.values import nothing_yet, rig_values, silenced
-from mwd_surface.signals.signal import LOG, PLAN
-from mwd_surface.signals.table import OF_SURVEY, TO_RIG
+from mwd_surface.rig.values import Condition, nothing_yet, rig_values, silenced
+from mwd_surface.signals.table import LOG, OF_SURVEY, PLAN, TO_RIG
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
 

@@ -5,7 +5,7 @@ import concurrent.futures
 import threading
 import time
 
-from mwd_surface.ros.worker import BackgroundWorker, RequestQueue
+from mwd_surface.ros.context import BackgroundWorker, RequestQueue
 
 
 def asked(requests, name, **arguments):

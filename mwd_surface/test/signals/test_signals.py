@@ -18,8 +18,20 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
 from mwd_surface.exports import export_witsml
 from mwd_surface.rig.modbus.map import COUNT
-from mwd_surface.signals.signal import RIG, SOURCES, Signal
-from mwd_surface.signals.table import ATTITUDE, FACTS, FILE, LISTED, SERIES, SIGNALS, SURVEY_TABLE, TO_RIG, read_signals
+from mwd_surface.signals.table import (
+    ATTITUDE,
+    FACTS,
+    FILE,
+    LISTED,
+    RIG,
+    SERIES,
+    SIGNALS,
+    SOURCES,
+    SURVEY_TABLE,
+    TO_RIG,
+    Signal,
+    read_signals,
+)
 from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.survey_record import SurveyRecord
 
@@ -159,7 +171,7 @@ mwd_surface.__path__.insert(0, sys.argv[1])
 import example_rig, example_surveys
 from mwd_surface.exports import csv_tables, export_las, survey_table, time_series
 from mwd_surface.page.state_json import StateJson
-from mwd_surface.rig.blackboard.manifest import manifest
+from mwd_surface.rig.blackboard.client import manifest
 from mwd_surface.rig.modbus import map as registers
 from mwd_surface.rig.opcua.address_space import variable_values
 from mwd_surface.rig.wits.records import RECORD_1, RecordWriter, Wits0Format

@@ -19,9 +19,8 @@ from mwd_surface.exports.export import FORMATS
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.live.survey_book import _uncertain
-from mwd_surface.surveys.branches import branches, legs_of, others
-from mwd_surface.surveys.closure import CONSISTENT, INCONSISTENT, UNKNOWN
 from mwd_surface.surveys.leg import Leg, TieOn
+from mwd_surface.surveys.mine_hole import CONSISTENT, INCONSISTENT, UNKNOWN, branches, legs_of, others
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Mine
 from mwd_surface.trajectory.plan import straight

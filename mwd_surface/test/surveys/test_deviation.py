@@ -20,8 +20,8 @@ from mwd_surface.exports.export import FORMATS
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.list_files.list_file import list_of
-from mwd_surface.surveys.deviation import is_ahead
 from mwd_surface.surveys.imported_list import survey_list
+from mwd_surface.surveys.mine_hole import is_ahead
 from mwd_surface.surveys.well import Mine, Well
 from mwd_surface.trajectory.plan import straight
 

@@ -12,8 +12,7 @@ from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 from mwd_surface.surveys import multi_station_analysis
-from mwd_surface.surveys.multi_station_analysis import analyse
-from mwd_surface.surveys.multi_station_problem import StationsProblem, corrected
+from mwd_surface.surveys.multi_station_analysis import StationsProblem, analyse, corrected
 
 DEG = math.pi / 180.0
 TOTAL, DIP, GRAVITY = 50e-6, 71.3 * DEG, 9.81

@@ -15,7 +15,7 @@ from mwd_sensors.core.frames import mat_nt
 from mwd_surface.commands.survey import survey as survey_command
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.surveys.repeated_surveys import sentence, shots_of
+from mwd_surface.surveys.check_shots import sentence, shots_of
 from mwd_surface.surveys.survey_list import SurveyList
 
 FIELD_N = np.array([15.5e-6, 0.0, 47.8e-6])

@@ -11,7 +11,7 @@ from test_score import recording as direct
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import installed
-from mwd_surface.surveys.unlisted import unlisted
+from mwd_surface.surveys.score import unlisted
 
 START_S = START // 10**9
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED = range(4)

@@ -21,9 +21,19 @@ from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Sche
 from mwd_sensors.core import budgets
 from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import open_regular
-from mwd_surface.bags.mcap.compression import Decompressor
-from mwd_surface.bags.mcap.contents import Bare, Chunk, Contents, Damage, MessageSpan, Other, Piece
-from mwd_surface.bags.mcap.decode import parse, parse_attachment, parse_chunk_head, parse_span
+from mwd_surface.bags.mcap.contents import (
+    Bare,
+    Chunk,
+    Contents,
+    Damage,
+    MessageSpan,
+    Other,
+    Piece,
+    parse,
+    parse_attachment,
+    parse_chunk_head,
+    parse_span,
+)
 from mwd_surface.bags.mcap.records import (
     FOOTER_BYTES,
     MAGIC,
@@ -31,6 +41,7 @@ from mwd_surface.bags.mcap.records import (
     MESSAGE_HEAD,
     MESSAGE_PREFIX,
     PREFIX,
+    Decompressor,
     FormatError,
 )
 from mwd_surface.bags.mcap.walk import records_at, records_in, walk_records

@@ -18,30 +18,18 @@ from mwd_surface.bags.mcap.records import PREFIX, RECORD_HEAD, FormatError
 
 @dataclasses.dataclass(frozen=True)
 class Walk:
-    """
-    Records found by walking through a byte array.
+    """Records found by walking through a byte array."""
 
-    Attributes
-    ----------
-    offset, size : shape (n,), int64
-        Position and length of each message's payload, bytes.
-    channel : shape (n,), uint16
-    log_ns, publish_ns : shape (n,), int64
-    others : shape (m,), int64
-        Position of each record that is not a message.
-    end : int
-        Position after the last complete record; the length of the data if it consists of complete records.
-    impossible : int
-        Number of messages left out because their log time is after the year 2262, which int64 cannot hold.
-    """
-
+    #: `offset`, `size`: shape (n,), int64; position and length of each message's payload, bytes.
     offset: NDArray[np.int64]
     size: NDArray[np.int64]
-    channel: NDArray[np.uint16]
+    channel: NDArray[np.uint16]  #: shape (n,), uint16
+    #: `log_ns`, `publish_ns`: shape (n,), int64.
     log_ns: NDArray[np.int64]
     publish_ns: NDArray[np.int64]
-    others: NDArray[np.int64]
-    end: int
+    others: NDArray[np.int64]  #: shape (m,), int64; position of each record that is not a message
+    end: int  #: position after the last complete record; the length of the data if it consists of complete records
+    #: Number of messages left out because their log time is after the year 2262, which int64 cannot hold.
     impossible: int = 0
 
     def at(self, chosen: NDArray[np.bool_]) -> Walk:

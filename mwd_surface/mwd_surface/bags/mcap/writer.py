@@ -39,7 +39,6 @@ from mcap.records import (
 from numpy.typing import NDArray
 
 from mwd_surface import __version__
-from mwd_surface.bags.mcap.compression import Compressor
 from mwd_surface.bags.mcap.records import (
     INDEX_ENTRY,
     MAGIC,
@@ -48,6 +47,7 @@ from mwd_surface.bags.mcap.records import (
     MESSAGE_RECORD_HEAD,
     RECORD_HEAD,
     ChunkHead,
+    Compressor,
 )
 
 LIBRARY = f"mwd_surface {__version__}"
@@ -68,15 +68,6 @@ class McapWriter:
     chunk_bytes : int
         A chunk is closed when its uncompressed records reach this size.
 
-    Attributes
-    ----------
-    size : int
-        Number of bytes written to the file.
-    counts : dict of int to int
-        Number of messages of each channel, including those in the current chunk.
-    start_ns, end_ns : int
-        First and last log time; start_ns is None, and end_ns 0, without a message.
-
     Raises
     ------
     ValueError
@@ -89,8 +80,9 @@ class McapWriter:
     def __init__(self, path: Path, compression: str = "zstd", chunk_bytes: int = 1024 * 1024) -> None:
         self.path = path
         self.chunk_bytes = chunk_bytes
-        self.size = 0
-        self.counts: dict[int, int] = {}
+        self.size = 0  #: number of bytes written to the file
+        self.counts: dict[int, int] = {}  #: number of messages of each channel, including those in the current chunk
+        #: `start_ns`, `end_ns`: first and last log time; start_ns is None, and end_ns 0, without a message.
         self.start_ns: int | None = None
         self.end_ns = 0
         self.channels: dict[int, Channel] = {}

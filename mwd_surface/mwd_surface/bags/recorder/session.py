@@ -8,22 +8,126 @@ possible, and writing is tried again later.
 
 from __future__ import annotations
 
+import concurrent.futures
 import contextlib
 import dataclasses
 import errno
 import math
 import shutil
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions
-from mwd_surface.bags.recorder.message_queue import QueuedMessage
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.status import EventLevel, RecorderEvent, RecorderState
+
+# Messages and commands for the writer thread, bounded in bytes.
+
+OVERHEAD = 128  # memory that a waiting message needs in addition to its payload, bytes
+_BATCH = 1000  # largest number of entries in a batch
+
+
+class QueuedMessage(NamedTuple):
+    """A received message that waits to be written."""
+
+    topic: str
+    type_name: str
+    data: bytes
+    #: `log_ns`, `publish_ns`: ns since the epoch.
+    log_ns: int
+    publish_ns: int
+    qos: str = ""  #: offered profiles as YAML
+
+    @property
+    def size(self) -> int:
+        """Memory that the message uses while it waits, bytes."""
+        return len(self.data) + OVERHEAD
+
+
+@dataclasses.dataclass
+class WriterCommand:
+    """A request that the writer thread carries out after all messages that were queued before the request."""
+
+    run: Callable[[], Any]
+    answer: concurrent.futures.Future[Any] = dataclasses.field(default_factory=concurrent.futures.Future)
+
+    def carry_out(self) -> None:
+        """Run the request and set its answer or its exception."""
+        try:
+            self.answer.set_result(self.run())
+        except Exception as error:  # noqa: BLE001  (any error is passed to the caller)
+            self.answer.set_exception(error)
+
+
+class MessageQueue:
+    """
+    Messages and commands in the order in which they were delivered; no call waits.
+
+    Parameters
+    ----------
+    limit : int
+        Largest number of bytes that may wait.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
+        self.waiting_bytes = 0  #: number of bytes that wait now
+        self.refused = 0  #: number of messages refused because the queue was full
+        self.wake = threading.Event()  #: set when the writer should read the queue
+        self._items: deque[QueuedMessage | WriterCommand] = deque()
+        self._lock = threading.Lock()
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def put(self, item: QueuedMessage) -> bool:
+        """Accept a message and return True; if the queue is full, count the message as refused and return False."""
+        with self._lock:
+            if self.waiting_bytes + item.size > self.limit:
+                self.refused += 1
+                return False
+            self.waiting_bytes += item.size
+            self._items.append(item)
+            filling = self.waiting_bytes > self.limit // 4
+        if filling:
+            self.wake.set()
+        return True
+
+    def command(self, run: Callable[[], Any]) -> concurrent.futures.Future[Any]:
+        """Accept a command and return the future that will hold its answer."""
+        command = WriterCommand(run)
+        with self._lock:
+            self._items.append(command)
+        return command.answer
+
+    def batch(self) -> list[QueuedMessage | WriterCommand]:
+        """Remove and return the next entries, at most a thousand."""
+        taken: list[QueuedMessage | WriterCommand] = []
+        with self._lock:
+            while self._items and len(taken) < _BATCH:
+                item = self._items.popleft()
+                taken.append(item)
+                if isinstance(item, QueuedMessage):
+                    self.waiting_bytes -= item.size
+        return taken
+
+    def cancel(self, error: Exception) -> None:
+        """Empty the queue; its commands fail with the error."""
+        with self._lock:
+            commands = [item for item in self._items if isinstance(item, WriterCommand)]
+            self._items.clear()
+            self.waiting_bytes = 0
+        for command in commands:
+            command.answer.set_exception(error)
+
+
+# The running recording.
 
 EVENT_TYPE = "rcl_interfaces/msg/Log"
 # Errors of a full disk, of an exhausted quota, and of a file above the largest size of the file system.
@@ -36,24 +140,12 @@ Tables = Callable[[], Mapping[str, Mapping[str, str]]]
 
 @dataclasses.dataclass(frozen=True)
 class SessionHooks:
-    """
-    Functions that a session gets from its recorder.
+    """Functions that a session gets from its recorder."""
 
-    Attributes
-    ----------
-    tables : callable
-        Returns named tables of strings that are written to every file.
-    space : callable
-        Returns the free bytes on the disk of a folder.
-    refused : callable
-        Returns the number of messages of this recording that the queue refused.
-    report : callable
-        Called with the level and text of an event; the recorder passes the event to `Session.record`.
-    """
-
-    tables: Tables
-    space: Callable[[Path], int]
-    refused: Callable[[], int]
+    tables: Tables  #: returns named tables of strings that are written to every file
+    space: Callable[[Path], int]  #: returns the free bytes on the disk of a folder
+    refused: Callable[[], int]  #: returns the number of messages of this recording that the queue refused
+    #: Called with the level and text of an event; the recorder passes the event to `Session.record`.
     report: Callable[[EventLevel, str], None]
 
 
@@ -73,18 +165,6 @@ class Session:
     Attributes
     ----------
     state : RecorderState
-    reason : str
-        Reason of a pause or failure.
-    writing : bool
-        False while the disk is full or failing.
-    dropped : int
-        Number of messages removed from the queue but not written.
-    free : float
-        Free bytes on the disk at the last check; NaN if unknown.
-    began : float
-        Monotonic time of the beginning, s.
-    unsaved_since : float or None
-        Monotonic time of the oldest message not yet forced to the disk.
     """
 
     def __init__(
@@ -97,12 +177,13 @@ class Session:
         hooks: SessionHooks,
     ) -> None:
         self.writer = writer
+        #: `reason`: reason of a pause or failure.
         self.state, self.reason = RecorderState.RECORDING, ""
-        self.writing = True
-        self.dropped = 0
-        self.free: float = math.nan
-        self.began = time.monotonic()
-        self.unsaved_since: float | None = None
+        self.writing = True  #: false while the disk is full or failing
+        self.dropped = 0  #: number of messages removed from the queue but not written
+        self.free: float = math.nan  #: free bytes on the disk at the last check; NaN if unknown
+        self.began = time.monotonic()  #: monotonic time of the beginning, s
+        self.unsaved_since: float | None = None  #: monotonic time of the oldest message not yet forced to the disk
         self._folder, self._settings, self._definitions = folder, settings, definitions
         self._event_topic, self._hooks = event_topic, hooks
         self._channels: dict[tuple[str, str], int] = {}

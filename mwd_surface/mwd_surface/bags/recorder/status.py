@@ -47,40 +47,22 @@ class RecorderEvent:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RecorderStatus(MessageRecord):
-    """
-    Status of the recorder; the fields that are sent are those of mwd_msgs/RecorderStatus.
-
-    Attributes
-    ----------
-    reason : str
-        Reason of a pause or failure; otherwise empty.
-    path : str
-        Folder of the current recording; empty if there is none.
-    messages, bytes : int
-        Number of messages written in this recording, and number of their bytes on disk.
-    dropped : int
-        Number of messages received since the recording began but not written because queue or disk was full.
-    free_bytes : float
-        Free bytes on the disk; NaN if unknown.
-    duration : float
-        Time since the recording began, s.
-    queued_bytes, queue_limit : int
-        Number of bytes waiting to be written, and its limit.
-    files : int
-        Number of files of this recording.
-    """
+    """Status of the recorder; the fields that are sent are those of mwd_msgs/RecorderStatus."""
 
     MESSAGE: ClassVar[str] = "mwd_msgs/msg/RecorderStatus"
     NOT_SENT: ClassVar[frozenset[str]] = frozenset({"queued_bytes", "queue_limit", "files"})
 
     state: RecorderState
-    reason: str = ""
-    path: str = ""
+    reason: str = ""  #: reason of a pause or failure; otherwise empty
+    path: str = ""  #: folder of the current recording; empty if there is none
+    #: `messages`, `bytes`: number of messages written in this recording, and number of their bytes on disk.
     messages: int = 0
     bytes: int = 0
+    #: Number of messages received since the recording began but not written because queue or disk was full.
     dropped: int = 0
-    free_bytes: float = math.nan
-    duration: float = 0.0
+    free_bytes: float = math.nan  #: free bytes on the disk; NaN if unknown
+    duration: float = 0.0  #: time since the recording began, s
+    #: `queued_bytes`, `queue_limit`: number of bytes waiting to be written, and its limit.
     queued_bytes: int = 0
     queue_limit: int = 0
-    files: int = 0
+    files: int = 0  #: number of files of this recording

@@ -7,7 +7,7 @@ import { say, t } from "./words.js";
 const HOUR = 3600;
 const KIND = { degC: "temperature", "m/s^2": "vibration" };
 const TITLE = { temperature: t("Temperature"), lateral_vibration: t("Vibration, lateral"), axial_vibration: t("Vibration, axial"), shock_peak: t("Shocks") };
-const [WARNING, LIMIT] = [0.8, 1.0]; // shares of the life, as in live/health_alarms.py
+const [WARNING, LIMIT] = [0.8, 1.0]; // shares of the life, as in live/log_monitor.py
 const [WIDE, HIGH] = [220, 46]; // of a histogram
 
 const hours = (seconds) => (seconds === null ? "–" : `${units.decimal((seconds / HOUR).toFixed(seconds < 100 * HOUR ? 1 : 0))} h`);

@@ -49,31 +49,15 @@ class BlockData:
 
 @dataclasses.dataclass(frozen=True)
 class BlockDecision:
-    """
-    Result of decoding a block.
+    """Result of decoding a block."""
 
-    Attributes
-    ----------
-    bits : ndarray, shape (n,)
-        Log posterior ratio of each bit at the input of the encoder, positive for 0.
-    evidence : float
-        Log evidence, to compare trials of the same block.
-    ebn0_db : float
-        Energy per bit at the input of the encoder over the noise density, after the equaliser.
-    turn : float
-        Phase drift between the two halves of the block, rad per symbol: the remaining error of the clock.
-    taps : ndarray
-        Prediction error filter of the noise.
-    turned : tuple of ndarray
-        Bits for each phase by which all symbols may be rotated. A rotated code word is a valid code word, too, so the
-        code alone cannot exclude a rotation; the check of the block decides.
-    """
-
-    bits: Array
-    evidence: float
-    ebn0_db: float
-    turn: float
-    taps: Complex
+    bits: Array  #: shape (n,); log posterior ratio of each bit at the input of the encoder, positive for 0
+    evidence: float  #: log evidence, to compare trials of the same block
+    ebn0_db: float  #: energy per bit at the input of the encoder over the noise density, after the equaliser
+    turn: float  #: phase drift between the two halves of the block, rad per symbol: the remaining error of the clock
+    taps: Complex  #: prediction error filter of the noise
+    #: Bits for each phase by which all symbols may be rotated. A rotated code word is a valid code word, too, so the
+    #: code alone cannot exclude a rotation; the check of the block decides.
     turned: tuple[Array, ...] = ()
 
 

@@ -37,20 +37,17 @@ _MOST_LOST = 2  # largest number of blocks in a row that fail before tracking is
 
 @dataclasses.dataclass
 class _Lock:
-    """
-    State of the tracking of blocks.
+    """State of the tracking of blocks."""
 
-    start, name: start and expected name of the next block; symbol: steps per symbol; taps: noise filter;
-    blocks, lost: number of blocks received, and of blocks lost in a row; good_end: end of the last good block, steps.
-    """
-
+    #: `start`, `name`: start and expected name of the next block.
     start: float
-    symbol: float
+    symbol: float  #: steps per symbol
     name: BlockName
-    taps: Complex
+    taps: Complex  #: noise filter
+    #: `blocks`, `lost`: number of blocks received, and of blocks lost in a row.
     blocks: int = 1
     lost: int = 0
-    good_end: float = 0.0
+    good_end: float = 0.0  #: end of the last good block, steps
 
 
 @dataclasses.dataclass
@@ -65,14 +62,7 @@ class _Pass:
 
 
 class CarrierReceiver(SampledReceiver):
-    """
-    Receiver of a tool that sends on a carrier.
-
-    Parameters
-    ----------
-    tool : ToolConfiguration
-        Tool configuration with the code psk.
-    """
+    """Receiver of a tool that sends on a carrier."""
 
     def __init__(self, tool: ToolConfiguration) -> None:
         self._tool, self._carrier = tool, tool.carrier

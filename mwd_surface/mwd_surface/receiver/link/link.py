@@ -70,15 +70,12 @@ class Quality:
 
 @dataclasses.dataclass
 class LinkOutput:
-    """
-    Words, surveys and passes of sequences (all words sent once) that a block of samples completed, in order of time.
-
-    states: each new state of the link with its begin, s; filled only by `LinkFeed`.
-    """
+    """Words, surveys and passes of sequences that a block of samples completed, in order of time."""
 
     words: list[ReceivedWord] = dataclasses.field(default_factory=list)
     frames: list[FrameReport] = dataclasses.field(default_factory=list)
     surveys: list[HeardSurvey] = dataclasses.field(default_factory=list)
+    #: Each new state of the link with its begin, s; filled only by `LinkFeed`.
     states: list[tuple[float, Quality]] = dataclasses.field(default_factory=list)
 
     def add(self, more: LinkOutput) -> None:
@@ -95,8 +92,6 @@ class Link:
 
     Parameters
     ----------
-    tool : ToolConfiguration
-        Tool configuration, the same as in the tool.
     name : str
         mud_pulse, em, coil or serial.
     stamp_ns : callable
@@ -370,8 +365,6 @@ class ToolFlow:
 
     Parameters
     ----------
-    tool : ToolConfiguration
-        Tool configuration, the same as in the tool.
     spans : FlowSpans
         Spans without flow; for a link through the earth this class adds them from the rig's flow.
     """

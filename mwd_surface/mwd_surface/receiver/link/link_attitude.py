@@ -113,21 +113,7 @@ _TOOLFACES = ("gravity_toolface", "magnetic_toolface")
 
 
 class LinkAttitude:
-    """
-    Attitude from the newest words of a link, as samples of `wire.ATTITUDE`.
-
-    Attributes
-    ----------
-    travel_s : float
-        Travel time of a word to the surface.
-    rotating : bool
-        Whether the string rotates.
-    in_slips : bool
-        Whether the string hangs in the slips.
-    speed : float or None
-        Speed of the string along the hole, m/s; None if unknown, and then the tool is assumed to follow the top drive
-        without delay.
-    """
+    """Attitude from the newest words of a link, as samples of `wire.ATTITUDE`."""
 
     def __init__(self, rules: AgeRules) -> None:
         self._rules = rules
@@ -136,8 +122,12 @@ class LinkAttitude:
         self._quill: deque[tuple[float, float, float]] = deque(maxlen=4096)
         # Time and angle of the top drive that do not follow the newest ones and are not confirmed yet.
         self._earlier: tuple[float, float] | None = None
+        #: Speed of the string along the hole, m/s; None if unknown, and then the tool is assumed to follow the top
+        #: drive without delay.
         self.speed: float | None = None
-        self.travel_s = 0.0
+        self.travel_s = 0.0  #: travel time of a word to the surface
+        #: `rotating`: whether the string rotates.
+        #: `in_slips`: whether the string hangs in the slips.
         self.rotating = self.in_slips = False
 
     def take(self, word: ReceivedWord) -> None:

@@ -48,18 +48,10 @@ class LinkFeed:
 
     Parameters
     ----------
-    tool : ToolConfiguration
-        Tool configuration, the same as in the tool.
     warn : callable
         Called with a sentence each time the link is restarted.
     clock : callable
         Steady time, s, that decides when to stop waiting for a stroke counter.
-
-    Attributes
-    ----------
-    tool, in_force : ToolConfiguration
-        Configuration from the settings, and configuration after downlink commands.
-    following : FollowingLink
     """
 
     def __init__(
@@ -69,6 +61,7 @@ class LinkFeed:
         warn: Callable[[str], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        #: `tool`, `in_force`: configuration from the settings, and configuration after downlink commands.
         self.tool, self.in_force, self._rules, self._warn, self._clock = tool, tool, rules, warn, clock
         # Keep the strokes before the first pressure sample: they give the crank angle at its beginning.
         self._early: deque[tuple[int, int]] = deque(maxlen=_EARLY)
@@ -205,22 +198,10 @@ class LinkFeed:
 
 
 class FollowingLink:
-    """
-    Link to a tool that takes downlink commands.
-
-    Parameters
-    ----------
-    link : Link
-        Link with the tool configuration in force.
-
-    Attributes
-    ----------
-    link : Link
-        Link in force.
-    """
+    """Link to a tool that takes downlink commands."""
 
     def __init__(self, link: Link) -> None:
-        self.link = link
+        self.link = link  #: link in force
         self._next: Link | None = None
         self._echo = 0
         self._kept = LinkOutput()

@@ -138,14 +138,7 @@ def sentence(tool: ToolConfiguration, width_s: float) -> str:
 
 
 class OtherWidth:
-    """
-    Search for another pulse width in the pressure since flow-on, one width per second of samples.
-
-    Attributes
-    ----------
-    found_s : float or None
-        Pulse width that the tool sends.
-    """
+    """Search for another pulse width in the pressure since flow-on, one width per second of samples."""
 
     def __init__(self, tool: ToolConfiguration) -> None:
         self._tool = tool
@@ -153,7 +146,7 @@ class OtherWidth:
         self._due: list[float] = []
         self._untried: list[float] = []
         self._kept: list[tuple[Array, Array]] = []
-        self.found_s: float | None = None
+        self.found_s: float | None = None  #: pulse width that the tool sends
 
     def push(self, time_s: Array, pressure_pa: Array, since_s: float, first_s: float) -> None:
         """

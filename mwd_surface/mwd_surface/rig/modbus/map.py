@@ -18,8 +18,7 @@ from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.inputs import BLOCK, HAND, SONDE, InputTable
 from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS
 from mwd_surface.live.toolface import GRAVITY
-from mwd_surface.rig.derived_values import rig_input
-from mwd_surface.rig.values import RigValues
+from mwd_surface.rig.values import RigValues, rig_input
 from mwd_surface.signals.table import TO_RIG
 from mwd_surface.signals.units import UNITS
 from mwd_surface.trajectory.advice import AdviceMode

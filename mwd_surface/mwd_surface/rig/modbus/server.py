@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Modbus TCP server: controllers and collectors read the register map; registers can be written only if allowed.
+Modbus server over TCP or a serial line: controllers and collectors read the register map, and write where allowed.
 
 pymodbus implements the protocol. Input registers (function 4) are answered from one block that is replaced as a whole.
 Any other request is refused with the exception code of the protocol.
@@ -18,11 +18,12 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from mwd_sensors.core.settings import setting
 from mwd_surface import __version__
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import SetPoint
 from mwd_surface.control.status import ControlDecision, ControlRequest, Permission, Sender
-from mwd_surface.rig.input import RigInput
+from mwd_surface.rig.input import RigInput, RigInputSettings
 from mwd_surface.rig.interface import (
     LISTENING,
     STOPPED,
@@ -31,11 +32,11 @@ from mwd_surface.rig.interface import (
     OnRigState,
     PeerStatus,
     RigInterface,
+    bound_log,
     checked_host,
     optional,
     probe_port,
 )
-from mwd_surface.rig.library_log import bound_log
 from mwd_surface.rig.modbus.map import (
     CONTROLLER,
     COUNT,
@@ -47,9 +48,56 @@ from mwd_surface.rig.modbus.map import (
     long_words,
     registers,
 )
-from mwd_surface.rig.modbus.settings import ModbusSettings
 from mwd_surface.rig.values import nothing_yet
 from mwd_surface.signals.units import UNITS
+
+
+@dataclasses.dataclass(frozen=True)
+class ModbusSettings:
+    """Settings of the Modbus TCP server: address, format, and rights to write."""
+
+    enabled: bool = setting(False, "Serve Modbus TCP.")
+    host: str = setting("127.0.0.1", "Address of the network interface on which the server listens.")
+    port: int = setting(
+        5020,
+        "TCP port of the server. 0 selects a free port; 502, the standard port, needs privileges.",
+        low=0,
+        high=65535,
+    )
+    allow_network: bool = setting(
+        False, "Allow a host that other machines can reach. Without it only loopback addresses are accepted."
+    )
+    unit: int = setting(1, "Unit identifier of the server.", low=1, high=247)
+    form: ModbusForm = setting(ModbusForm, "Encoding of numbers in registers.")
+    allow_writes: bool = setting(False, "Let clients write the bit depth (float, m) to holding registers 100 and 101.")
+    allow_control: bool = setting(
+        False,
+        "Let clients write control requests and set-points to holding registers 110 to 131. control.enabled must "
+        "also be set. Modbus has no password, so use it only on the rig's own network.",
+    )
+    rig: RigInputSettings = setting(RigInputSettings, "Acceptance of a depth that a client writes.")
+    max_clients: int = setting(
+        16, "Largest number of connections at a time. Further connections are refused.", low=1, high=200
+    )
+    idle_timeout: float = setting(
+        300.0,
+        "Time without a request after which a connection is closed. Raise it for a client that asks seldom.",
+        unit="s",
+        low=0.2,
+        high=86400.0,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class ModbusSerialSettings:
+    """Settings of the serial line of Modbus RTU; the settings of Modbus TCP give unit, encoding and rights."""
+
+    enabled: bool = setting(False, "Serve Modbus RTU over a serial line.")
+    device: str = setting("/dev/ttyS0", "Serial device of the line.")
+    baud: int = setting(19200, "Speed of the line in bits per second. Both ends must agree.", low=300, high=921600)
+    parity: str = setting("none", "Parity bit of the line. Both ends must agree.", choices=("none", "even", "odd"))
+    stop_bits: int = setting(1, "Number of stop bits of the line. Both ends must agree.", low=1, high=2)
+
 
 _READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16  # function codes of Modbus
 # Largest number of bits or registers in one request, by function (Modbus application protocol 1.1b3, section 6).
@@ -460,3 +508,86 @@ class ControlRegisters:
 
 def _sender(connection: int) -> Sender:
     return Sender(_INTERFACE, f"connection {connection}")
+
+
+# Server on a serial line.
+
+
+class ModbusSerial(ModbusServer):
+    """
+    Register map served over a serial line that may have several units: requests to other units are ignored.
+
+    Parameters
+    ----------
+    line : ModbusSerialSettings
+        Settings of the line; the other arguments are those of `ModbusServer`.
+    """
+
+    _called, _what = "modbus_serial", "Modbus RTU"
+
+    def __init__(
+        self,
+        line: ModbusSerialSettings,
+        settings: ModbusSettings,
+        on_rig_state: OnRigState | None = None,
+        authority: ControlAuthority | None = None,
+    ) -> None:
+        super().__init__(settings, on_rig_state, authority)
+        self.line = line
+        self._seen = False
+
+    def start(self) -> None:
+        """
+        Start serving.
+
+        Raises
+        ------
+        InterfaceError
+            pymodbus or pyserial is missing, or the device cannot be opened.
+        """
+        self._serial = optional("serial", "pyserial", self._what)
+        super().start()
+
+    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Answer requests until `stop` is set; raise InterfaceError if the device cannot be opened or is gone."""
+        line, self._seen = self.line, False
+        try:
+            # Open the device once before pymodbus does, because pymodbus gives no reason when it fails.
+            self._serial.Serial(line.device, line.baud, timeout=0, exclusive=True).close()
+        except OSError as error:
+            raise InterfaceError(f"{line.device}: {error.strerror or error}") from error
+        server = self._server.ModbusSerialServer(
+            self._devices(),
+            port=line.device,
+            baudrate=line.baud,
+            parity=line.parity[0].upper(),
+            stopbits=line.stop_bits,
+            identity=self._named(),
+        )
+        await self._serve(server, line.device, ready, stop)
+
+    def _bound(self, _server: Any) -> str:
+        return self.line.device
+
+    def _watched(self, handler: Any) -> Any:
+        """Return the handler of the line with its methods replaced; it answers only requests to the unit."""
+        send = handler.server_send
+
+        def server_send(answer: Any, address: Any) -> None:
+            if answer is not None and answer.dev_id == self.settings.unit:
+                send(answer, address)
+
+        handler.server_send = server_send
+        return super()._watched(handler)
+
+    def _look_after(self) -> None:
+        """Raise InterfaceError if the device is gone, so that the interface restarts; a silent line is not an error."""
+        if self._seen and not self._connections:
+            raise InterfaceError(f"{self.line.device} is gone")
+        self._seen = bool(self._connections)
+
+    def _peer(self, _name: Any) -> str:
+        return self.line.device
+
+    def _at_once(self, _data: bytes) -> bytes | None:
+        return None

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Access rules of the OPC UA server: security policies, certificates and users.
+Access rules of the OPC UA server: settings, security policies, certificates and users, and limits of subscriptions.
 
 On loopback everyone may read if the setting `anonymous` is true. From other machines, and for commands from anywhere, a
 session must be signed and encrypted with a certificate that lies in the folder of trusted certificates.
@@ -10,33 +10,57 @@ from __future__ import annotations
 
 import contextlib
 import contextvars
+import dataclasses
 import datetime as dt
 import hashlib
 import itertools
+import math
 import socket
 from pathlib import Path
 from typing import Any
 
 from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_file
+from mwd_sensors.core.settings import setting
 from mwd_surface.loopback import is_loopback
 from mwd_surface.rig.interface import optional
-from mwd_surface.rig.opcua.settings import OpcuaSettings
+
+
+@dataclasses.dataclass(frozen=True)
+class OpcuaSettings:
+    """Address of the server, and access rights."""
+
+    enabled: bool = setting(False, "Serve OPC UA.")
+    host: str = setting("127.0.0.1", "Address of the network interface on which the server listens.")
+    port: int = setting(4840, "TCP port of the server. 0 selects a free port.", low=0, high=65535)
+    allow_network: bool = setting(
+        False, "Allow a host that other machines can reach. Clients of other machines then need a certificate."
+    )
+    anonymous: bool = setting(
+        True, "Let anonymous clients on this machine read. Clients of other machines always need a certificate."
+    )
+    allow_commands: bool = setting(False, "Offer methods to clients with a trusted certificate.")
+    allow_control: bool = setting(
+        False, "Offer the control methods to clients with a trusted certificate. control.enabled must also be set."
+    )
+    certificates: str = setting(
+        "",
+        "Folder with the server's certificate own.der and key own.pem, and the folder trusted of client certificates. "
+        "Empty: a folder next to the surveys.",
+    )
+    max_clients: int = setting(
+        16, "Largest number of connections at a time. Further connections are refused.", low=1, high=500
+    )
+    max_subscriptions: int = setting(
+        64, "Largest number of subscriptions at a time. Further subscriptions are refused.", low=1, high=1000
+    )
+
 
 APPLICATION = "urn:mwd:surface"
 
 
 class OpcuaAccess:
-    """
-    Access rules of one server.
-
-    Parameters
-    ----------
-    folder : Path or None
-        Folder of the certificates.
-    ua : module
-        `asyncua.ua`.
-    """
+    """Access rules of one server."""
 
     def __init__(self, settings: OpcuaSettings, folder: Path | None, ua: Any) -> None:
         self.settings, self._folder, self._ua = settings, folder, ua
@@ -183,3 +207,83 @@ def _certificates(folder: Path, x509: Any) -> list[Any]:
             load = x509.load_pem_x509_certificate if data.startswith(b"-----") else x509.load_der_x509_certificate
             found.append(load(data))
     return found
+
+
+# Limits of subscriptions that asyncua does not set itself. A client on this machine needs no certificate, and each of
+# its monitored items costs memory and, at every new value, time in the process of the surface node. asyncua limits
+# the number of subscriptions, but not of their items. It accepts any publishing interval, however short, and lets a
+# later request lengthen a queue beyond the limit of the server.
+
+# Largest number of monitored items on the server; a client that watches every variable has about a hundred
+MOST_ITEMS = 4000
+LONGEST_QUEUE = 100  # largest number of values in the queue of one item; the variables change once per second
+SHORTEST_MS, LONGEST_MS = 100.0, 3_600_000.0  # limits of the publishing interval, ms
+
+
+class SubscriptionLimits:
+    """
+    Limiter in front of the subscription service of a server.
+
+    Parameters
+    ----------
+    service : asyncua.server.subscription_service.SubscriptionService
+        Service whose methods that answer requests are replaced by the methods of this object.
+    """
+
+    def __init__(self, ua: Any, service: Any) -> None:
+        self._ua, self._service = ua, service
+        self._items: dict[int, set[int]] = {}
+        self.refused = 0
+        self._create_subscription = service.create_subscription
+        self._create, self._modify, self._delete = (
+            service.create_monitored_items,
+            service.modify_monitored_items,
+            service.delete_monitored_items,
+        )
+        service.create_subscription = self.create_subscription
+        service.create_monitored_items = self.create_monitored_items
+        service.modify_monitored_items = self.modify_monitored_items
+        service.delete_monitored_items = self.delete_monitored_items
+
+    @property
+    def items(self) -> int:
+        """Number of monitored items on the server; may be read from any thread."""
+        return sum(len(made) for number, made in list(self._items.items()) if number in self._service.subscriptions)
+
+    async def create_subscription(self, params: Any, *args: Any, **named: Any) -> Any:
+        """Create a subscription with its publishing interval limited; an infinite one becomes the longest allowed."""
+        asked = params.RequestedPublishingInterval
+        params.RequestedPublishingInterval = (
+            min(max(asked, SHORTEST_MS), LONGEST_MS) if math.isfinite(asked) else LONGEST_MS
+        )
+        return await self._create_subscription(params, *args, **named)
+
+    async def create_monitored_items(self, params: Any) -> list[Any]:
+        """Create as many of the items as the limit allows; further items get BadTooManyMonitoredItems."""
+        for ended in self._items.keys() - self._service.subscriptions.keys():
+            del self._items[ended]
+        asked = params.ItemsToCreate
+        room = max(0, MOST_ITEMS - self.items)
+        params.ItemsToCreate = asked[:room]
+        results = list(await self._create(params))
+        made = self._items.setdefault(params.SubscriptionId, set())
+        made |= {result.MonitoredItemId for result in results if result.StatusCode.is_good()}
+        for _ in asked[room:]:
+            refusal = self._ua.MonitoredItemCreateResult()
+            refusal.StatusCode = self._ua.StatusCode(self._ua.StatusCodes.BadTooManyMonitoredItems)
+            results.append(refusal)
+            self.refused += 1
+        return results
+
+    def modify_monitored_items(self, params: Any) -> Any:
+        """Change monitored items, with queues limited to LONGEST_QUEUE."""
+        for item in params.ItemsToModify:
+            wanted = item.RequestedParameters
+            wanted.QueueSize = min(wanted.QueueSize or LONGEST_QUEUE, LONGEST_QUEUE)
+        return self._modify(params)
+
+    def delete_monitored_items(self, params: Any) -> Any:
+        """Delete monitored items, and remove them from the count."""
+        results = self._delete(params)
+        self._items.get(params.SubscriptionId, set()).difference_update(params.MonitoredItemIds)
+        return results

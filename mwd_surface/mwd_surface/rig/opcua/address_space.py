@@ -14,9 +14,7 @@ from typing import Any
 
 from mwd_surface.live.inputs import SONDE
 from mwd_surface.live.toolface import GRAVITY
-from mwd_surface.rig.derived_values import rig_input
-from mwd_surface.rig.value import Condition
-from mwd_surface.rig.values import RigValues
+from mwd_surface.rig.values import Condition, RigValues, rig_input
 from mwd_surface.signals.table import FACTS, TO_RIG
 from mwd_surface.signals.units import UNITS
 

@@ -31,13 +31,13 @@ from mwd_surface.rig.interface import (
     OnCommand,
     PeerStatus,
     RigInterface,
+    bound_log,
     checked_host,
     optional,
     port_error,
     probe_port,
 )
-from mwd_surface.rig.library_log import bound_log
-from mwd_surface.rig.opcua.access import APPLICATION, OpcuaAccess
+from mwd_surface.rig.opcua.access import APPLICATION, LONGEST_QUEUE, OpcuaAccess, OpcuaSettings, SubscriptionLimits
 from mwd_surface.rig.opcua.address_space import (
     EPOCH,
     MANIFEST,
@@ -51,8 +51,6 @@ from mwd_surface.rig.opcua.address_space import (
     unit_id,
     variable_values,
 )
-from mwd_surface.rig.opcua.settings import OpcuaSettings
-from mwd_surface.rig.opcua.subscription_limits import LONGEST_QUEUE, SubscriptionLimits
 from mwd_surface.rig.survey import AcceptedSurvey
 from mwd_surface.rig.values import RigValues, nothing_yet, survey_values
 from mwd_surface.signals.table import OF_SURVEY
@@ -323,8 +321,6 @@ class SurveyHistory:
 
     Parameters
     ----------
-    ua : module
-        `asyncua.ua`.
     nodes : dict
         Node id of each variable, by its name.
     """
@@ -469,8 +465,6 @@ async def add_well(ua: Any, server: Any, well: str) -> tuple[Any, dict[str, Any]
 
     Parameters
     ----------
-    ua : module
-        `asyncua.ua`.
     well : str
         Browse name of the object.
 
@@ -559,8 +553,6 @@ class Conditions:
 
     Parameters
     ----------
-    ua : module
-        `asyncua.ua`.
     source : asyncua.Node
         Object of the well that is the source of the events.
     """

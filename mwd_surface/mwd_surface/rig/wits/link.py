@@ -193,8 +193,6 @@ class Wits0Link(RigInterface):
 
     Parameters
     ----------
-    name : str
-        Name of the interface.
     on_rig_state : callable, optional
         Receives rig data, `wire.RIG_STATE`, in the thread of the interface.
     """

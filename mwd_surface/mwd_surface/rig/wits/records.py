@@ -17,12 +17,10 @@ from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.rig.survey import AcceptedSurvey
-from mwd_surface.rig.value import Condition, RigValue
-from mwd_surface.rig.values import RigValues, survey_values
+from mwd_surface.rig.values import Condition, RigValue, RigValues, survey_values
 from mwd_surface.rig.wits.format import WitsFrame, checked_text, plain_text
 from mwd_surface.signals.cells import fixed
-from mwd_surface.signals.signal import SURVEY, Signal, Wits
-from mwd_surface.signals.table import BY_NAME, SIGNALS, TO_RIG
+from mwd_surface.signals.table import BY_NAME, SIGNALS, SURVEY, TO_RIG, Signal, Wits
 from mwd_surface.signals.units import UNITS, UnitScale
 from mwd_surface.surveys.azimuth_source import AzimuthSource
 

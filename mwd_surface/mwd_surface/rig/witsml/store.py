@@ -26,11 +26,11 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_text
 from mwd_sensors.core.settings import setting
 from mwd_surface.loopback import is_loopback
-from mwd_surface.rig.backoff import Backoff
 from mwd_surface.rig.interface import (
     CONNECTED,
     CONNECTING,
     STOPPED,
+    Backoff,
     InterfaceError,
     InterfaceStatus,
     PeerStatus,

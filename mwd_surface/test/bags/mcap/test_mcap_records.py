@@ -12,10 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.records import Attachment, Channel, ChunkIndex, Metadata, Schema, Statistics
 
-from mwd_surface.bags.mcap.compression import Compressor, Decompressor
-from mwd_surface.bags.mcap.contents import MessageSpan
-from mwd_surface.bags.mcap.decode import parse, parse_attachment, parse_chunk_head, parse_span
-from mwd_surface.bags.mcap.records import RECORD_HEAD, ChunkHead, FormatError
+from mwd_surface.bags.mcap.contents import MessageSpan, parse, parse_attachment, parse_chunk_head, parse_span
+from mwd_surface.bags.mcap.records import RECORD_HEAD, ChunkHead, Compressor, Decompressor, FormatError
 from mwd_surface.bags.mcap.walk import records_in, walk_records
 from mwd_surface.bags.mcap.writer import chunk_prefix, message_prefix, packed
 

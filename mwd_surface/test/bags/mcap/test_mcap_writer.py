@@ -14,10 +14,9 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Schema
 
-from mwd_surface.bags.mcap.compression import Decompressor
-from mwd_surface.bags.mcap.contents import Chunk
-from mwd_surface.bags.mcap.decode import parse_chunk_head
+from mwd_surface.bags.mcap.contents import Chunk, parse_chunk_head
 from mwd_surface.bags.mcap.reader import McapFile, declarations
+from mwd_surface.bags.mcap.records import Decompressor
 from mwd_surface.bags.mcap.writer import McapWriter
 
 START = 1_700_000_000_000_000_000

@@ -15,10 +15,9 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from mwd_surface.bags.mcap.compression import Decompressor
-from mwd_surface.bags.mcap.decode import parse_chunk_head
-from mwd_surface.bags.mcap.recovery import recover
-from mwd_surface.bags.mcap.recovery_report import check
+from mwd_surface.bags.mcap.contents import parse_chunk_head
+from mwd_surface.bags.mcap.records import Decompressor
+from mwd_surface.bags.mcap.recovery import check, recover
 from mwd_surface.bags.mcap.walk import walk_records
 
 START = 1_700_000_000_000_000_000

@@ -22,9 +22,8 @@ from rosbags.rosbag2 import Reader
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.mcap import recovery
-from mwd_surface.bags.recorder.folder import recordings_named
-from mwd_surface.bags.recorder.message_queue import OVERHEAD
-from mwd_surface.bags.recorder.recorder import Recorder
+from mwd_surface.bags.recorder.recorder import Recorder, recordings_named
+from mwd_surface.bags.recorder.session import OVERHEAD
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.status import EventLevel, RecorderError, RecorderState
 from project import ROOT

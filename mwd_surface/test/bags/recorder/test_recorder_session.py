@@ -16,8 +16,7 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions
 from mwd_surface.bags.recorder import session as recording_session
-from mwd_surface.bags.recorder.message_queue import QueuedMessage
-from mwd_surface.bags.recorder.session import Session, SessionHooks
+from mwd_surface.bags.recorder.session import QueuedMessage, Session, SessionHooks
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.status import EventLevel, RecorderEvent, RecorderState
 

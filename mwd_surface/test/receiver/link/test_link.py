@@ -14,7 +14,7 @@ from mwd_sensors.telemetry.downlink import Downlink
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
 from mwd_surface.receiver.link.link import DOUBTFUL, LOCKED, NO_FLOW, NO_INPUT, SEARCHING, Link
 from mwd_surface.receiver.link.link_attitude import AgeRules
-from mwd_surface.receiver.link.link_surveys import LinkSurveys
+from mwd_surface.receiver.link.link_survey import LinkSurveys
 
 pytestmark = pytest.mark.slow
 

@@ -8,8 +8,7 @@ import pytest
 
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
-from mwd_surface.receiver.link.link_survey import HeardSurvey, SurveyTime
-from mwd_surface.receiver.link.link_surveys import LinkSurveys
+from mwd_surface.receiver.link.link_survey import HeardSurvey, LinkSurveys, SurveyTime
 from mwd_surface.receiver.words import LinkValue
 
 SECOND = 10**9

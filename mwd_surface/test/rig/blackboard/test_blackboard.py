@@ -14,10 +14,9 @@ import pytest
 from example_rig import eventually, started, values
 
 from mwd_sensors.core.constants import CELSIUS_ZERO
-from mwd_surface.rig.backoff import Backoff
 from mwd_surface.rig.blackboard.client import Blackboard, BlackboardSettings
 from mwd_surface.rig.input import RigInputSettings
-from mwd_surface.rig.interface import InterfaceError
+from mwd_surface.rig.interface import Backoff, InterfaceError
 from mwd_surface.rig.opcua.address_space import MANIFEST
 from mwd_surface.signals.table import TO_RIG
 

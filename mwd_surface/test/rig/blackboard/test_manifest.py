@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from mwd_surface.rig.blackboard.manifest import NODES, PREFIX, VARIABLES, manifest, quantity_of, query
+from mwd_surface.rig.blackboard.client import NODES, PREFIX, VARIABLES, manifest, quantity_of, query
 from mwd_surface.signals.table import BY_NAME, TO_RIG
 from mwd_surface.signals.units import UNITS
 

@@ -17,8 +17,7 @@ from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.control.status import Permission
-from mwd_surface.rig.modbus.server import COMMAND, COMMAND_COUNT, REQUEST, REQUEST_COUNT, ModbusServer
-from mwd_surface.rig.modbus.settings import ModbusSettings
+from mwd_surface.rig.modbus.server import COMMAND, COMMAND_COUNT, REQUEST, REQUEST_COUNT, ModbusServer, ModbusSettings
 
 pytestmark = pytest.mark.fault_case(89)
 BLOCKS = {REQUEST: REQUEST_COUNT, COMMAND: COMMAND_COUNT}

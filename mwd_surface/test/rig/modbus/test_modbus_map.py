@@ -25,8 +25,7 @@ from mwd_surface.rig.modbus.map import (
     registers,
     status_bits,
 )
-from mwd_surface.rig.value import Condition, RigValue
-from mwd_surface.rig.values import nothing_yet
+from mwd_surface.rig.values import Condition, RigValue, nothing_yet
 from mwd_surface.surveys.survey_list import SurveyList
 
 ABCD, CDAB = ModbusForm(), ModbusForm(word_order="CDAB")

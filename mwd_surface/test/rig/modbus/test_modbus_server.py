@@ -21,9 +21,7 @@ from hypothesis import strategies as st
 
 from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.rig.modbus.map import COUNT, VERSION, ModbusForm, float_of
-from mwd_surface.rig.modbus.serial_line import ModbusSerial
-from mwd_surface.rig.modbus.server import ModbusServer
-from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
+from mwd_surface.rig.modbus.server import ModbusSerial, ModbusSerialSettings, ModbusServer, ModbusSettings
 
 PEERS = Path(__file__).parents[2] / "peers"
 

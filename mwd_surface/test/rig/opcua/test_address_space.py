@@ -9,8 +9,7 @@ from example_surveys import S
 
 from mwd_estimation.core.status import Status
 from mwd_surface.rig.opcua.address_space import STATUS_CODES, VARIABLES, unit_id, variable_values
-from mwd_surface.rig.value import Condition
-from mwd_surface.rig.values import nothing_yet
+from mwd_surface.rig.values import Condition, nothing_yet
 from mwd_surface.signals.table import TO_RIG
 from mwd_surface.signals.units import UNITS
 

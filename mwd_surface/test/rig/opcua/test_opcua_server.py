@@ -20,10 +20,10 @@ from example_rig import attitude, certified, eventually, started, values
 from mwd_estimation.core.status import Status
 from mwd_surface.live.alarms import Alarm, Severity
 from mwd_surface.rig.interface import InterfaceError
-from mwd_surface.rig.opcua import subscription_limits
+from mwd_surface.rig.opcua import access
+from mwd_surface.rig.opcua.access import OpcuaSettings
 from mwd_surface.rig.opcua.address_space import NAMESPACE, VARIABLES
 from mwd_surface.rig.opcua.server import OpcuaServer
-from mwd_surface.rig.opcua.settings import OpcuaSettings
 
 pytestmark = pytest.mark.slow
 
@@ -305,17 +305,17 @@ async def _watch(client, subscription, count, queue=2**31):
 @pytest.mark.fault_case(90)
 def test_monitored_items_and_their_queues_are_limited_and_free_their_place(served, monkeypatch):
     """46 000 items of one client without a certificate held the server up for minutes."""
-    monkeypatch.setattr(subscription_limits, "MOST_ITEMS", 50)
+    monkeypatch.setattr(access, "MOST_ITEMS", 50)
 
     async def attempt():
         async with asyncua.Client(served.address) as client:
             first = await client.create_subscription(_every(1e-6), None)
             made = await _watch(client, first, 40)
             assert all(result.StatusCode.is_good() for result in made)
-            assert all(result.RevisedQueueSize <= subscription_limits.LONGEST_QUEUE for result in made)
+            assert all(result.RevisedQueueSize <= access.LONGEST_QUEUE for result in made)
             second = await client.create_subscription(_every(math.nan), None)
             # asyncua gives the publishing interval of the subscription as the revised sampling interval.
-            assert all(result.RevisedSamplingInterval == subscription_limits.SHORTEST_MS for result in made)
+            assert all(result.RevisedSamplingInterval == access.SHORTEST_MS for result in made)
             codes = [result.StatusCode.value for result in await _watch(client, second, 30)]
             assert codes.count(0) == 10
             assert set(codes[10:]) == {ua.StatusCodes.BadTooManyMonitoredItems}
@@ -326,7 +326,7 @@ def test_monitored_items_and_their_queues_are_limited_and_free_their_place(serve
             item.RequestedParameters.QueueSize = 2**31
             change.ItemsToModify.append(item)
             (changed,) = await client.uaclient.modify_monitored_items(change)
-            assert changed.RevisedQueueSize <= subscription_limits.LONGEST_QUEUE
+            assert changed.RevisedQueueSize <= access.LONGEST_QUEUE
             await first.delete()
             again = await _watch(client, second, 30)
             assert all(result.StatusCode.is_good() for result in again)

@@ -10,9 +10,9 @@ from example_rig import eventually, pseudo_terminal, started, values
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.rig.backoff import Backoff
 from mwd_surface.rig.input import RigInputSettings
-from mwd_surface.rig.wits.client import Wits0Client, Wits0ClientSettings, Wits0Serial, Wits0SerialSettings
+from mwd_surface.rig.interface import Backoff
+from mwd_surface.rig.wits.connections import Wits0Client, Wits0ClientSettings, Wits0Serial, Wits0SerialSettings
 from mwd_surface.rig.wits.format import Decoder
 from mwd_surface.rig.wits.link import Wits0Settings
 

@@ -11,9 +11,9 @@ from example_rig import eventually, started, values
 from example_surveys import survey, surveys
 
 from mwd_surface.rig.input import RigInputSettings
+from mwd_surface.rig.wits.connections import Wits0Server, Wits0ServerSettings
 from mwd_surface.rig.wits.format import Decoder
 from mwd_surface.rig.wits.link import Wits0Settings
-from mwd_surface.rig.wits.server import Wits0Server, Wits0ServerSettings
 
 ACCEPT = Wits0Settings(rig=RigInputSettings(accept=True))
 

@@ -14,8 +14,7 @@ from example_surveys import MADE, surveys, table
 
 from mwd_surface.exports.export_witsml import witsml
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.rig.backoff import Backoff
-from mwd_surface.rig.interface import InterfaceError
+from mwd_surface.rig.interface import Backoff, InterfaceError
 from mwd_surface.rig.witsml.store import WitsmlStore, WitsmlStoreSettings, answer_texts
 
 ENVELOPE = '<s:Envelope xmlns:s="http://schemas.xmlsoap.org/soap/envelope/"><s:Body>{}</s:Body></s:Envelope>'
