@@ -11,7 +11,8 @@ approach to the detection and estimation of jumps in linear systems, IEEE Trans.
 information that innovations carry about an error at each earlier time comes from one backward pass (de Jong and Penzer,
 Diagnosing shocks in time series, J. Am. Stat. Assoc. 93, 1998). If one kind of jump is much more probable than the
 others and than no jump, the filter corrects the errors that the jump has caused since, and adds the covariance of the
-estimate.
+estimate. Before that, the tilt that a jump has caused, times the probability of the jump, belongs to the variance of
+the tilt, equation (22).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mwd_estimation.core import ring
 from mwd_estimation.gravity.bounded import information, measurement, mechanisation
@@ -44,13 +46,13 @@ BIAS_STEP = 0.017
 # kinds: a change of the string's speed is soon certain with any prior, and a small knock is not more probable than a
 # step.
 EVERY = 3.6e5
-SURPRISE_TIME = 0.3  # memory of `BoundedRecord.surprise`, s
-# Smallest value of `BoundedRecord.surprise`, the recent sum of squared innovations over their variances, at which the
-# search runs. A jump can only be more probable than no jump if the sum since the jump is above twice the logarithm of
-# the prior odds against the jump, which is 20 to 34.
-SURPRISING = 10.0
+# Smallest value of `BoundedRecord.surprise`, a sum of the squares of three normal variables, at which the search runs.
+# Without a jump, one of 22 values is larger. The search takes the time of 500 samples at 100 Hz, which is most of the
+# time of the filter if the limit is below 5. With a limit of 10, fewer steps are found while the tool rotates.
+SURPRISING = 8.0
 # Averaging time of the innovations, s; averaging time of their spectral density, s; and smallest density that is used.
-SLOW_TIME, DENSITY_TIME, LEAST_DENSITY = 0.5, 10.0, 0.1
+# The density is 0.005 to 0.02 in rotation and while sliding, so that a larger limit hides a step of the bias.
+SLOW_TIME, DENSITY_TIME, LEAST_DENSITY = 0.5, 10.0, 0.005
 # Kinds of jumps: a bias steps; the string starts or stops along its hole; the accelerometers miss a part of the
 # velocity; the string begins to accelerate along its hole.
 STEP, TRAVEL, KNOCK, RAMP, KINDS = 0, 1, 2, 3, 4
@@ -58,6 +60,7 @@ RAMP_TIME = 1.0  # usual time in which a string reaches its speed, s
 # A jump is accepted if the logarithm of its odds exceeds the logarithm of the odds of each competing jump by more than
 # this. Jumps of the velocity do not compete with each other, because travel along the hole is a special knock.
 SURE = 5.0
+LEAST_CHANCE = 1e-3  # smallest probability of a jump that is not accepted yet at which it adds a variance
 # Point samples of vibration near a multiple of the sampling rate show a slow force of the size of the vibration. Its
 # usual duration, s: a sweep of 1 Hz/s passes the rate within a second.
 BEAT = 0.5
@@ -82,23 +85,44 @@ def follow_innovation(s: BoundedRecord, axis: int, white: float) -> None:
     usual = found.density[axis]
     # Limit the growth of the density, so that a jump that is not found yet raises it only slowly.
     found.density[axis] += T / DENSITY_TIME * (min(density, 9.0 * usual) - usual)
-    s.surprise += white * white / max(usual, LEAST_DENSITY) - min(T / SURPRISE_TIME, 1.0) / 3.0 * s.surprise
+    s.surprise = (s.surprise if axis > 0 else 0.0) + density / max(usual, LEAST_DENSITY)
 
 
 @compiled
 def follow(p: BoundedParams, s: BoundedRecord) -> bool:
-    """Search for a jump, at most after every fourth update; if one is found, apply it and return True."""
-    if s.surprise < SURPRISING or s.recent.length < LEAST_AFTER or s.recent.head % APART != 0:
+    """
+    Search for a jump, at most after every fourth update; if one is found, apply it and return True.
+
+    While a jump is possible but not certain, set `BoundedRecord.doubt`.
+    """
+    if s.surprise < SURPRISING or s.recent.length < LEAST_AFTER:
+        s.doubt[:] = 0.0
         return False
-    kind, at = _search(p, s)
+    if s.recent.head % APART != 0:
+        return False
+    odds, since = _search(p, s)
+    s.doubt[:] = 0.0
+    kind, at = _certain(s, odds, since)
     if at > 0:
         _apply(p, s, kind, at)
-    return at > 0
+        return True
+    for kind in range(KINDS):
+        # Only jumps that may be applied later: the others cause errors that equation (20) covers.
+        if kind == STEP or (s.meaning.sampled and kind != RAMP):
+            chance = _chance(odds, kind)
+            if since[kind] > 0 and chance > LEAST_CHANCE:
+                _doubt(p, s, kind, since[kind], chance)
+    return False
 
 
 @compiled
-def _search(p: BoundedParams, s: BoundedRecord) -> tuple[int, int]:
-    """Return the kind of the most probable jump, and the number of updates since the jump; 0 updates: no jump found."""
+def _search(p: BoundedParams, s: BoundedRecord) -> tuple[Array, NDArray[np.int64]]:
+    """
+    Return the most probable jump of each kind, shapes (KINDS,) each.
+
+    The first array holds the logarithm of the odds of the jump against no jump, at least 0; the second one holds the
+    number of updates since the jump, 0 if no jump has odds above 1.
+    """
     A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
     odds, at, squares = np.zeros(KINDS), np.zeros(KINDS, dtype=np.int64), 0.0
     for back in range(1, s.recent.length + 1):
@@ -118,6 +142,16 @@ def _search(p: BoundedParams, s: BoundedRecord) -> tuple[int, int]:
             found = 0.5 * (gain / unexplained - occam) - math.log(EVERY / row.sums.time)
             if found > odds[kind]:
                 odds[kind], at[kind] = found, back
+    return odds, at
+
+
+@compiled
+def _certain(s: BoundedRecord, odds: Array, at: NDArray[np.int64]) -> tuple[int, int]:
+    """
+    Return the kind of the jump to apply, and the number of updates since the jump; 0 updates: no jump is certain.
+
+    odds, at: results of `_search`.
+    """
     moved = TRAVEL if odds[TRAVEL] >= odds[KNOCK] else KNOCK
     # RAMP (the string accelerates) only competes with a step of the bias: it leaves no error in the state to correct.
     # Integrated samples miss a velocity only where they clip, which `clipping` follows.
@@ -125,6 +159,28 @@ def _search(p: BoundedParams, s: BoundedRecord) -> tuple[int, int]:
         return moved, at[moved]
     certain = odds[STEP] >= max(odds[moved], odds[RAMP]) + SURE and at[STEP] >= AFTER_STEP
     return STEP, at[STEP] if certain else 0
+
+
+@compiled
+def _chance(odds: Array, kind: int) -> float:
+    """Return the probability of a kind of jump, from the logarithms of the odds of all kinds against no jump."""
+    total = math.exp(-odds[kind])
+    for other in range(KINDS):
+        if odds[other] > 0.0:
+            total += math.exp(min(odds[other] - odds[kind], 100.0))
+    return 1.0 / total
+
+
+@compiled
+def _doubt(p: BoundedParams, s: BoundedRecord, kind: int, at: int, chance: float) -> None:
+    """Add the variance of the tilt due to a jump `at` updates ago with the probability `chance`, equation (22)."""
+    moves, jump, covariance, _ = _effect(p, s, kind, at)
+    for i in range(2):
+        for j in range(2):
+            for a in range(3):
+                for b in range(3):
+                    square = covariance[a, b] + jump[a] * jump[b]
+                    s.doubt[i, j] += chance * moves[TILT + i, a] * square * moves[TILT + j, b]
 
 
 @compiled
@@ -190,8 +246,13 @@ def _inverse(M: Array) -> tuple[Array, float]:
 
 
 @compiled
-def _apply(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> None:
-    """Correct the state for a jump of a kind `at` updates ago, estimated with the variances that the filter assumes."""
+def _effect(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> tuple[Array, Array, Array, float]:
+    """
+    Return the present effect of a jump `at` updates ago, estimated with the variances that the filter assumes.
+
+    Returns the present change of each error by a jump of 1 sigma, shape (STEADY, 3); the size of the jump in prior
+    sigmas, shape (3,); the covariance of this size; and the time since the jump, s.
+    """
     A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
     for back in range(1, at + 1):
         row = s.recent.rows[ring.place(s.recent, back)]
@@ -209,6 +270,13 @@ def _apply(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> None:
                     seen += row.measured[axis, i] * moves[i, a]
                 for i in range(STEADY):
                     moves[i, a] -= row.gain[axis, i] * seen
+    return moves, jump, covariance, since
+
+
+@compiled
+def _apply(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> None:
+    """Correct the state for a jump of a kind `at` updates ago."""
+    moves, jump, covariance, since = _effect(p, s, kind, at)
     for i in range(ERRORS):
         s.correction[i] = 0.0
     for i in range(STEADY):
@@ -220,6 +288,10 @@ def _apply(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> None:
     measurement.symmetrise(s.P, STEADY)
     measurement.correct(s, STEADY)
     if kind == STEP:
+        for i in range(3):
+            for a in range(3):
+                for b in range(3):
+                    s.stepped[i] += moves[BIAS + i, a] * covariance[a, b] * moves[BIAS + i, b]
         s.gyro_step = since
         forget_density(s)
     else:

@@ -20,6 +20,7 @@ from mwd_estimation.gravity.bounded import accelerometer_errors, noise
 from mwd_estimation.gravity.bounded.measurement import hole_direction
 from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, SCALE, TILT, BoundedRecord, CovarianceScale
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
 OWN_LEAST, OWN_MOST = 0.3, 20.0  # lower and upper limit of the time constant of the filter, s
@@ -55,7 +56,12 @@ CURVE_TIME, CURVE_MOST = 5.0, 0.01  # averaging time of the axis, s; largest rat
 @compiled
 def tilts(s: BoundedRecord) -> tuple[float, float]:
     """Return the variances of the tilt that changes inclination and of the tilt that changes toolface, rad^2."""
-    P = s.P
+    return _split(s, s.P)
+
+
+@compiled
+def _split(s: BoundedRecord, P: Array) -> tuple[float, float]:
+    """Return what `tilts` returns, from a covariance P whose elements TILT and TILT + 1 are the tilts."""
     dx, dy = hole_direction(s)
     # The tilt that changes inclination cannot be distinguished from an acceleration along the hole.
     along = P[TILT, TILT] * dy * dy - 2.0 * P[TILT, TILT + 1] * dx * dy + P[TILT + 1, TILT + 1] * dx * dx
@@ -117,8 +123,9 @@ def _cone(p: BoundedParams, s: BoundedRecord, rotating: float) -> float:
 
     rotating: weight of errors fixed in the tool, 0 (at rest) to 1. With misalignment or bias of the cross-axis gyros,
     the measured axis of rotation is wrong. At constant speed no innovation shows most of this error. The part of P that
-    still comes from the error at switch-on is scaled to the tool's sigma; the remaining part of P is noise of the
-    estimate and is multiplied by the scale of the inclination.
+    still comes from the error at switch-on is scaled to the tool's sigma; the part from a step of the bias, whose prior
+    is not inflated, counts fully. The remaining part of P is noise of the estimate and is multiplied by the scale of
+    the inclination.
     """
     P, total, slow = s.P, 0.0, rotating / math.copysign(max(s.turning, 1e-3), s.last_w[0])
     scale2, bias2 = max(p.scale_sigma**2, LEAST_PRIOR), max(p.bias_sigma**2, LEAST_PRIOR)
@@ -128,11 +135,12 @@ def _cone(p: BoundedParams, s: BoundedRecord, rotating: float) -> float:
         variance = P[k, k] + slow * (P[y, y] * slow + 2.0 * P[y, k])
         left = (P[k, SCALE] + slow * P[y, SCALE]) ** 2 / scale2
         for m in range(3):
-            left += (P[k, BIAS + m] + slow * P[y, BIAS + m]) ** 2 / bias2
+            left += (P[k, BIAS + m] + slow * P[y, BIAS + m]) ** 2 / (bias2 + s.stepped[m])
         for m in range(2):
             left += (P[k, ASKEW + m] + slow * P[y, ASKEW + m]) ** 2 / askew2
         left = min(left, variance)
-        total += 0.5 * (BIAS_SHARE**2 * left + s.innovations.along.power * (variance - left))
+        share = (BIAS_SHARE**2 * bias2 + s.stepped[1 + j]) / (bias2 + s.stepped[1 + j])
+        total += 0.5 * (share * left + s.innovations.along.power * (variance - left))
     return total
 
 
@@ -193,16 +201,19 @@ def _outside(p: BoundedParams, s: BoundedRecord) -> float:
 @compiled
 def _doubt(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
     """
-    Return the variances of inclination and of tilt across the hole that point samples cause, rad^2.
+    Return the variances of inclination and of tilt across the hole from events that may have happened, rad^2.
 
-    If the samples are points with the probability w, and points change the tilt by e, the variance is w (1 - w) e^2. If
-    they are points for certain, torsion may be aliased: the fast part of the roll may be wrong, and it turns vibration
-    of the same frequency into a constant level force, equation (19).
+    Jumps that are possible but not certain have the covariance `BoundedRecord.doubt`. If the samples are points with
+    the probability w, and points change the tilt by e, the variance is w (1 - w) e^2. If they are points for certain,
+    torsion may be aliased: the fast part of the roll may be wrong, and it turns vibration of the same frequency into a
+    constant level force, equation (19).
     """
     dx, dy = hole_direction(s)
     share = 1.0 / (2.0 + 2.0 * math.cosh(min(s.meaning.odds, 0.0)))
     ex, ey = s.meaning.effect[TILT, 0], s.meaning.effect[TILT + 1, 0]
-    along, across = share * (ex * dy - ey * dx) ** 2, share * (ex * dx + ey * dy) ** 2
+    along, across = _split(s, s.doubt)
+    along += share * (ex * dy - ey * dx) ** 2
+    across += share * (ex * dx + ey * dy) ** 2
     rectified = RECTIFIED * s.motion.ripple * s.power / p.gravity**2
     roll = s.motion.ripple * (s.C[0, 0] ** 2 + s.C[1, 0] ** 2)
     return along + rectified, across + rectified + roll

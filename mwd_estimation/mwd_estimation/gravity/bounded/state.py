@@ -283,7 +283,11 @@ class BoundedRecord:
     accelerometer: AccelerometerErrors
     recent: RecentUpdates
     surprise: float
-    """Sum of recent squared innovations over their variances, decaying exponentially."""
+    """Sum over the tool axes of the squared low-passed innovation over its usual square; about 3 without a jump."""
+    doubt: Annotated[Array, 2, 2]
+    """Covariance of the tilt (level x, y) from jumps that are possible but not certain (`jumps`), rad^2."""
+    stepped: Annotated[Array, 3]
+    """Variance of each gyro bias after its steps were found, in addition to the variance at switch-on, (rad/s)^2."""
     gyro_step: float
     """Time since a step of the gyro bias that the last update has revealed, s; 0 if there was none."""
     turn: float
@@ -373,7 +377,7 @@ def forget(p: BoundedParams, s: BoundedRecord) -> None:
         for m in range(ERRORS):
             s.P[j, m] = 0.0
     for j in range(3):
-        s.bias[j] = 0.0
+        s.bias[j] = s.stepped[j] = 0.0
         s.P[BIAS + j, BIAS + j] = p.bias_sigma**2
     for j in range(2):
         s.askew[j] = s.lever[j] = 0.0
@@ -389,6 +393,7 @@ def forget_innovations(s: BoundedRecord) -> None:
     """Discard the last innovations and corrections, because the state was just corrected for the jump in them."""
     s.innovations.slow[:] = 0.0
     s.surprise = 0.0
+    s.doubt[:] = 0.0
     s.recent.length = 0
     for found in (s.innovations.along, s.innovations.across):
         found.moved[:] = 0.0

@@ -20,11 +20,11 @@ P = bounded.BoundedParams()
 
 
 @functools.cache
-def slide(inclination_deg, seed, motion="slide"):
+def slide(inclination_deg, seed, motion="slide", rpm=60.0):
     """Stamps, rates, forces and true down of a tool that slides or turns in a hole."""
     phase = {
         "slide": {"kind": "slide", "seconds": 75.0, "rop_m_h": 0.0, "toolface_deg": 40.0},
-        "drill": {"kind": "drill", "seconds": 75.0, "rpm": 60.0, "rop_m_h": 0.0},
+        "drill": {"kind": "drill", "seconds": 75.0, "rpm": rpm, "rop_m_h": 0.0},
     }[motion]
     changes = {
         "seed": seed,
@@ -73,6 +73,41 @@ def test_a_step_of_the_gyro_bias_is_found_within_seconds_and_covered_by_sigma(in
     assert off[t > STEP_S + 5.0].max() < 0.5
     # A step needs time to be found, so the first 3 s are left out.
     assert beyond_three_sigma(got.part(t > STEP_S + 3.0), down[t > STEP_S + 3.0]) < 0.05
+
+
+@pytest.mark.parametrize("inclination_deg", [25.0, 80.0])
+@pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (0.6, 0.0, -0.8)])
+def test_sigma_covers_a_step_of_the_gyro_bias_before_the_step_is_certain(inclination_deg, axis):
+    stamps, gyro, accel, down = slide(inclination_deg, 5)
+    t = seconds(stamps)
+    gyro = gyro + np.where(t > STEP_S, np.radians(1.0), 0.0)[:, None] * np.array(axis)
+    got = bounded.run(P, bounded.initial(P), stamps, gyro, accel)
+    (found,) = np.flatnonzero(got.gyro_step)
+    assert t[found] > STEP_S + 1.1
+    # The largest errors are in the last quarter of a second before the filter corrects the step.
+    late = (t > t[found] - 0.25) & (t < t[found])
+    assert error_deg(got.g_t, down)[late].min() > 0.3
+    assert beyond_three_sigma(got.part(late), down[late]) == 0.0
+
+
+@pytest.mark.parametrize("seed", [9, 11])
+def test_sigma_covers_the_cone_that_a_step_of_the_gyro_bias_leaves_while_rotating(seed):
+    # Rotation at 210 r/min hides the part of the step across the axis, so the estimate of this part keeps its prior.
+    # If the prior of the step is scaled like the bias at switch-on: 3 and 18 % of the samples beyond 3 sigma.
+    stamps, gyro, accel, down = slide(50.0, seed, "drill", 210.0)
+    t = seconds(stamps)
+    gyro = gyro + np.where(t > STEP_S, np.radians(1.0), 0.0)[:, None] * np.array([0.6, 0.8, 0.0])
+    got = bounded.run(P, bounded.initial(P), stamps, gyro, accel)
+    assert np.count_nonzero(got.gyro_step) == 1
+    late = t > STEP_S + 5.0
+    assert beyond_three_sigma(got.part(late), down[late]) < 0.01
+
+
+def test_the_probabilities_of_the_jumps_and_of_no_jump_add_up_to_one():
+    odds = np.array([2.0, 0.5, 1.0, 3.0])
+    chances = [jumps._chance(odds, kind) for kind in range(4)]
+    assert np.isclose(sum(chances) + chances[0] * np.exp(-odds[0]), 1.0)
+    assert np.isclose(jumps._chance(np.array([900.0, 0.0, 0.0, 890.0]), 0), 1.0 / (1.0 + np.exp(-10.0)))
 
 
 @pytest.mark.slow(10)
