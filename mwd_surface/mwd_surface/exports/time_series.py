@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.logs.recorded_log import topic_of
 from mwd_surface.processing.bag_input import InputSettings, named_topic
 from mwd_surface.processing.input_stream import SampleStream
 from mwd_surface.signals import table
@@ -27,7 +28,7 @@ from mwd_surface.signals.cells import fixed, utc
 from mwd_surface.signals.table import SERIES
 from mwd_surface.signals.units import UnitScale
 
-ATTITUDE, RIG = "attitude", "rig/state"
+ATTITUDE, LINK_ATTITUDE, RIG = "attitude", "link/attitude", "rig/state"
 NORTHS = ("", "magnetic", "true", "grid")
 
 # Time for which a row waits for samples of other topics and for late samples, s.
@@ -87,7 +88,7 @@ class Written:
 
 def has_attitude(bag: Bag, well: str = "") -> bool:
     """Return whether a recording has the attitude of a well; well: namespace of the well, if there are several."""
-    return _topic(bag, wire.ATTITUDE, ATTITUDE, well) is not None
+    return _attitude_topic(bag, well) is not None
 
 
 def has_imu(bag: Bag, given: InputSettings) -> bool:
@@ -121,10 +122,7 @@ def rows(
     BagError
         There is neither attitude nor rig data, or there are several wells and `well` is empty.
     """
-    names = {
-        relative: _topic(bag, layout, relative, well)
-        for relative, layout in ((ATTITUDE, wire.ATTITUDE), (RIG, wire.RIG_STATE))
-    }
+    names = {ATTITUDE: _attitude_topic(bag, well), RIG: topic_of(bag, RIG, wire.RIG_STATE.type_name, well)}
     given = given or InputSettings()
     if given.rig_topic:
         names[RIG] = named_topic(bag, given.rig_topic, wire.RIG_STATE)
@@ -277,11 +275,7 @@ def _place_samples(
     return places
 
 
-def _topic(bag: Bag, layout: wire.Layout, relative: str, well: str) -> str | None:
-    if not any(t.type_name == layout.type_name and t.count for t in bag.topics.values()):
-        return None
-    wanted = f"{well.strip('/')}/{relative}" if well else relative
-    ending = f"/{wanted}"
-    if not any(("/" + t.name.strip("/")).endswith(ending) for t in bag.topics.values()):
-        return None
-    return bag.find_topic(layout.type_name, wanted)
+def _attitude_topic(bag: Bag, well: str) -> str | None:
+    """Return the topic of the attitude of a well, or of the attitude over the link if there is no other; else None."""
+    name = wire.ATTITUDE.type_name
+    return topic_of(bag, ATTITUDE, name, well) or topic_of(bag, LINK_ATTITUDE, name, well)

@@ -149,6 +149,18 @@ def test_parquet_holds_the_numbers_of_the_csv(plotted, tmp_path):
             )
 
 
+def test_the_attitude_over_the_link_counts_where_there_is_no_other(tmp_path):
+    ours, link = attitudes([START * S]), attitudes([START * S], inclination=0.5)
+    with BagWriter(tmp_path / "both") as bag:
+        for topic, samples in (("/w1/link/attitude", link), ("/w1/attitude", ours)):
+            channel = bag.topic(topic, wire.ATTITUDE.type_name)
+            bag.write_rows(channel, wire.ATTITUDE.encode(samples, "sonde_link"), samples["stamp_ns"])
+    alone = bag_of(tmp_path / "alone", link, topic="/w1/link/attitude")
+    for path, topic in ((tmp_path / "both", "/w1/attitude"), (alone, "/w1/link/attitude")):
+        with Bag(path) as bag:
+            assert time_series.write(bag, tmp_path / "ts.csv").topics == (topic,)
+
+
 def test_the_command_writes_it_and_names_what_is_missing(tmp_path):
     path = bag_of(tmp_path / "run_7", attitudes([START * S]))
     done = mwd("export", path, "-f", "timeseries", "-o", tmp_path)
