@@ -192,7 +192,7 @@ class LiveGraph:
 
     def ask(self, kind, duration=0.0):
         acts = {
-            TAKE: lambda: self.pipeline.still.request(duration),
+            TAKE: lambda: self.pipeline.request_survey(duration),
             ROTARY: lambda: self.pipeline.requests.start_rotary(duration),
             RESET: self.pipeline.reset,
         }

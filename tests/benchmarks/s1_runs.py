@@ -91,7 +91,7 @@ def case_row(case: Case, seeds: int) -> str:
             rests += rest == 100
             # Two rests of 150 s at a station, half a turn apart.
             if rest == 138 and rests % 2 == (1 if case.one_position else 0):
-                pipeline.still.request(8.0)
+                pipeline.request_survey(8.0)
             pipeline.push_mag(block["imu/mag"])
             pipeline.push_precision(block["gyro/data_raw"])
             for survey in pipeline.push_imu(block["imu/data_raw"]).surveys:

@@ -37,7 +37,7 @@ class EstimatorActions:
 
     def start_north_seek(self, goal: DeferredGoal) -> None:
         """Start a north seek, or finish the goal with the reason why a seek is not possible."""
-        reason = self._refused(lambda: self._pipeline().requests.start_north(goal.request.duration, goal.request.mode))
+        reason = self._refused(lambda: self._pipeline().request_north(goal.request.duration, goal.request.mode))
         asked = {"duration": goal.request.duration, "mode": goal.request.mode}
         self._tell(OperatorEvent.NORTH_SEEK, success=not reason, message=reason, **asked)
         if reason:

@@ -326,7 +326,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         if self._inputs.silent("imu/data_raw"):
             raise ValueError("no survey taken: no samples arrive from the sonde")
         try:
-            self._pipeline.still.request(request.duration)
+            self._pipeline.request_survey(request.duration)
         except ValueError as error:
             raise ValueError(f"no survey taken: {error}") from error
         self._survey_response = DeferredResponse()

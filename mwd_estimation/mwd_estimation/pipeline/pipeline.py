@@ -251,14 +251,30 @@ class Pipeline:
         self.given_reference = reference
         self._estimate.set_reference(reference)
 
+    def request_survey(self, duration_s: float = 0.0) -> None:
+        """
+        Take a survey from the next half second on; arguments and errors as in `StillSurvey.request`.
+
+        The result is in `Output.surveys`, or in `Output.refusals`.
+        """
+        self.still.request(duration_s)
+
+    def request_north(self, duration_s: float = 0.0, mode: str = "") -> None:
+        """
+        Seek north from now on; arguments and errors as in `Requests.start_north`.
+
+        The result is in `Output.north`.
+        """
+        self.requests.start_north(duration_s, mode)
+
     @property
     def requests(self) -> Requests:
-        """The requested north seek and rotary survey, with their progress; results are in `Output`."""
+        """The requested north seek and rotary survey, with their progress."""
         return self._estimate.bin_stage.requests
 
     @property
     def still(self) -> StillSurvey:
-        """The current survey at rest, its progress and the condition for which it waits; results are in `Output`."""
+        """The current survey at rest, with its progress and the condition for which it waits."""
         return self._estimate.bin_stage.still
 
     @property

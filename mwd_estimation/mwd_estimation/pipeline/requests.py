@@ -33,7 +33,7 @@ class Requests:
         # Rates of the conventional unit since the north seek was requested.
         self._rates = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
 
-    def start_north(self, duration_s: float = 0.0, mode: str = "") -> None:
+    def start_north(self, duration_s: float, mode: str) -> None:
         """
         Start a north seek.
 

@@ -71,7 +71,7 @@ def _surveys(streams, settings, cuts=(), duration=50.0):
     ask = len(imu) - 54 * RATE
     for block in np.split(np.arange(len(imu)), sorted({*cuts, ask})):
         if len(block) and block[0] == ask:
-            pipeline.still.request(duration)
+            pipeline.request_survey(duration)
         pipeline.push_mag(mag[block])
         pipeline.push_precision(precision[block])
         surveys += pipeline.push_imu(imu[block]).surveys

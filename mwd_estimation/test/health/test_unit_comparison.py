@@ -271,7 +271,7 @@ def test_any_cut_gives_the_same_and_a_seek_that_was_asked_for_ends_with_the_reas
     assert cut.health == whole.health
     assert [s.uuid for s in cut.surveys] == [s.uuid for s in whole.surveys]
     _, pipeline = estimated({name: samples[:500] for name, samples in streams.items()})
-    pipeline.requests.start_north(60.0)
+    pipeline.request_north(60.0)
     pipeline.push_mag(streams["imu/mag"][500:])
     pipeline.push_precision(streams["gyro/data_raw"][500:])
     (ended,) = pipeline.push_imu(streams["imu/data_raw"][500:]).north

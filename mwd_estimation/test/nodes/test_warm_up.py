@@ -31,7 +31,7 @@ settings = changed(EstimatorSettings(), place)
 warm_up(settings)
 before = ready()
 pipeline, surveys = Pipeline(settings), 0
-pipeline.requests.start_north(30.0)
+pipeline.request_north(30.0)
 pipeline.requests.start_rotary(10.0)
 for block in Sonde(scenario.read(scenario_files.find(sys.argv[1]))).blocks(10.0):
     pipeline.push_mag(block["imu/mag"])

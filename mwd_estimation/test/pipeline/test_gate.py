@@ -94,7 +94,7 @@ def _output(streams, given=SETTINGS, cuts=(1300,), north=True, mount=None):
             push(part[(part["stamp_ns"] >= stamps[start]) & (part["stamp_ns"] < end_ns)])
         output = output.joined(pipeline.push_imu(streams["imu"][start:stop]))
         if north and start == 0:
-            pipeline.requests.start_north(30.0)
+            pipeline.request_north(30.0)
     output = output.joined(pipeline.finish())
     rows = [getattr(output, name).tobytes() for name in ("attitude", "gravity", "interference", "dynamics")]
     events = (output.surveys, output.refusals, output.health, output.north, output.rotary)

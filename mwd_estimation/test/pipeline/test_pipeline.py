@@ -143,7 +143,7 @@ def test_a_survey_asked_for_before_the_noise_is_known_is_refused_with_the_reason
     imu, mag = _stating(*_samples(seconds=6.0), every=10)
     pipeline = Pipeline(EstimatorSettings(), REFERENCE)
     first = _run(imu[:5], mag[:5], pipeline)
-    pipeline.still.request(2.0)
+    pipeline.request_survey(2.0)
     outputs = first + _run(imu[5:], mag[5:], pipeline)
     (refusal,) = [refusal for output in outputs for refusal in output.refusals]
     assert refusal.reason.code is ReasonCode.NOISE_STATED
@@ -391,9 +391,9 @@ def test_a_survey_asked_for_is_marked_and_one_while_turning_is_refused():
     imu, mag = _samples(seconds=20.0, rate=10.0, still_after=8.0)
     pipeline = Pipeline(EstimatorSettings(survey=SurveySettings(automatic=False)), REFERENCE)
     first = _run(imu[:400], mag[:400], pipeline)
-    pipeline.still.request()
+    pipeline.request_survey()
     second = _run(imu[400:1000], mag[400:1000], pipeline)
-    pipeline.still.request(4.0)
+    pipeline.request_survey(4.0)
     third = _run(imu[1000:], mag[1000:], pipeline)
     assert not first[0].surveys
     assert second[0].refusals[0].reason.code == ReasonCode.TOOL_TURNS

@@ -40,11 +40,11 @@ class RecordedRequest:
 
 
 def _take_survey(pipeline: Pipeline, event: Any) -> None:
-    pipeline.still.request(event.duration)
+    pipeline.request_survey(event.duration)
 
 
 def _seek_north(pipeline: Pipeline, event: Any) -> None:
-    pipeline.requests.start_north(event.duration, event.mode)
+    pipeline.request_north(event.duration, event.mode)
 
 
 def _use_reference(pipeline: Pipeline, event: Any) -> None:

@@ -109,7 +109,7 @@ def surveyed(story: Scenario) -> list[ToolStation]:
         if rest == 1:
             wanted = next(asked, math.inf)
         if rest and rest == wanted:
-            pipeline.still.request(_ASKED_S)
+            pipeline.request_survey(_ASKED_S)
         truth.append(true)
         precision.append(block["gyro/data_raw"])
         pipeline.push_mag(block["imu/mag"])
