@@ -98,8 +98,8 @@ class RigClock:
         """
         Add a time of the rig that arrived at a steady time, both s; return the time in force, s.
 
-        The time in force is the latest time of the rig so far. If the rig's time is 5 s or more before it, the clock
-        begins again with the rig's time.
+        The time in force is the latest time of the rig so far. If the rig's time is more than 5 s before it, the
+        clock begins again with the rig's time.
         """
         if rig < self._given - 5.0:
             self._given = -math.inf
