@@ -81,6 +81,29 @@ def test_the_declination_is_never_averaged_away():
     assert math.sqrt(covariance[Shared.DECLINATION, Shared.DECLINATION]) == pytest.approx(least, rel=0.02)
 
 
+@pytest.mark.parametrize("has_field", [True, False])
+def test_without_a_gyro_the_declination_changes_no_other_quantity_and_adds_its_variance(has_field):
+    wide = dataclasses.replace(SIGMAS, shared=SIGMAS.shared.copy())
+    wide.shared[Shared.DECLINATION] *= 20.0
+    run = [station(0.3 + 0.2 * k, 0.4 + 0.2 * k, 1.3 * k, (5e-7, 0.0, 0.0)) for k in range(5)]
+    run[2]["has_field"] = has_field
+    live, revised = [], []
+    for sigmas in (SIGMAS, wide):
+        model, later = RunFilter(Priors(), sigmas), RunFilter(Priors(), sigmas)
+        for one in run[:2]:
+            learnt(model, one)
+        for one in reversed(run[3:]):
+            learnt(later, one)
+        live.append(model.evidence(run[2]))
+        revised.append(model.evidence(run[2], model.between(later)))
+    for narrow, turned in (live, revised):
+        np.testing.assert_allclose(turned.log, narrow.log, rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(turned.by_kind, narrow.by_kind, rtol=1e-6, atol=1e-12)
+        if has_field:
+            added = (1.0 + SIGMAS.own[-1] ** 2) * (20.0**2 - 1.0) * SIGMAS.shared[Shared.DECLINATION] ** 2
+            assert read(turned).sigma ** 2 - read(narrow).sigma ** 2 == pytest.approx(added, rel=0.1)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("east_ut", [-1.2, 1.2])
 def test_a_crust_that_shows_in_total_and_dip_leaves_the_declination_as_uncertain(east_ut):

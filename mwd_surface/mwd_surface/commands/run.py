@@ -109,7 +109,6 @@ def run(
     """
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
-    from mwd_surface.bags.recorder.recorder import recordings_named
     from mwd_surface.commands import node, terminal
     from mwd_surface.runs import launch_plan
 
@@ -154,6 +153,9 @@ def run(
     run_graph(story.name, namespace, parameters, folder, options)
     truth = Path(parameters["sonde"]["truth_file"]) if story.telemetry is not None else None
     recorded_in, recorded = folder / namespace.replace("/", "_") / "bags", parameters["surface"]["record.enabled"]
+    # Import the recorder only now: its libraries would delay the start of the run.
+    from mwd_surface.bags.recorder.recorder import recordings_named
+
     for bag in recordings_named(recorded_in, parameters["surface"]["record.name"]) if recorded else ():
         _conclude(bag, truth, AngleConvention(parameters["surface"].get("well.convention", "inclination")))
     terminal.tell(f"surveys and logs: {folder}")

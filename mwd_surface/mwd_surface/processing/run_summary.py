@@ -59,7 +59,7 @@ class Summary:
     #: `north`, `reference`: north of the azimuth, and source of the reference field
     north: str = "magnetic"
     reference: str = "none"
-    #: surveys as first decided, with their depths
+    #: surveys as first decided, with their measured depths, m; nan if unknown
     surveys: list[tuple[DecidedSurvey, float]] = dataclasses.field(default_factory=list)
     #: survey list in the form of the surface node, with the definitive values of these surveys
     listed: SurveyList = dataclasses.field(default_factory=SurveyList)

@@ -3,7 +3,7 @@
 Link at the surface: takes pressure, voltage or bytes; gives words, received surveys, attitude and the link's state.
 
 Times are in s on the clock of the samples; `stamp_ns` turns them into stamps. The output does not depend on how the
-samples are cut into blocks. `link_surveys` merges the surveys of all links into one list.
+samples are cut into blocks. `LinkSurveys` merges the surveys of all links into one list.
 """
 
 from __future__ import annotations
