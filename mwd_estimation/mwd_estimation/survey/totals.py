@@ -37,6 +37,8 @@ _REJECT = 1.5
 # Deviation of the gravity total from local gravity, in sigmas, above which the tool was not calibrated with local
 # gravity.
 _NOT_LOCAL = 2.0
+# Smallest dip of the reference, rad, whose sign the readings show.
+_FLAT = math.radians(4.0)
 
 
 @dataclass(frozen=True)
@@ -185,8 +187,8 @@ def field_faults(b_total: float, dip: float, reference: Reference | None) -> lis
     if (
         reference is not None
         and reference.dip is not None
-        and abs(reference.dip) > 0.2
-        and abs(dip + reference.dip) < 0.1
+        and abs(reference.dip) > _FLAT
+        and abs(dip + reference.dip) < min(0.1, 0.5 * abs(reference.dip))
     ):
         found.append(Reason(Code.DIP_SIGN, dip))
     return found

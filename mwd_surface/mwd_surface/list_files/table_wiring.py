@@ -38,7 +38,7 @@ _DIP_FITS, _DIRECTION_OFF, _DIRECTION_FITS, _BETTER = math.radians(1.5), math.ra
 # cases, three rows in one of 10 000.
 _FEW, _MOST, _LEAST_ROWS = 0.2, 0.8, 3
 # Inclination above which a hole goes up, rad, beyond the horizontal by more than landings overshoot; and inclination
-# that no hole reaches, rad.
+# that only holes drilled upwards in a mine reach, rad.
 _UPWARDS, _NO_HOLE = math.radians(95.0), math.radians(120.0)
 # Attitudes that differ by more than this, rad, show the wiring independently.
 _ANOTHER_ATTITUDE = math.radians(10.0)
@@ -199,7 +199,7 @@ def _wirings(
     tilt = inclination(f[_AS_IT_IS])
     if off is None and reversed_dips and ((tilt > _UPWARDS).all() or tilt.max() > _NO_HOLE):
         # Specific force under the names of gravity, or the reverse: the hole seems to go up everywhere, or as steeply
-        # as no hole does. A reference dip of the wrong sign gives the same difference of the dips, but leaves the hole
+        # as no well does. A reference dip of the wrong sign gives the same difference of the dips, but leaves the hole
         # pointing down.
         return [(_REVERSED, _AS_IT_IS)], True
     if off is not None and off[_AS_IT_IS, _AS_IT_IS] > _DIRECTION_OFF:
