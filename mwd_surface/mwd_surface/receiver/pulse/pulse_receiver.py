@@ -49,11 +49,6 @@ class PulseReceiver(SampledReceiver):
         Spans without flow in the same pressure, which the caller updates before each push; without them the receiver
         finds the spans itself.
 
-    Attributes
-    ----------
-    channel : Channel or None
-        Response to a pulse and noise model after the last pass of a sequence.
-
     Raises
     ------
     ValueError
@@ -76,6 +71,7 @@ class PulseReceiver(SampledReceiver):
         self._reason, self._ebn0_db = "", math.nan
         self._best = -math.inf
         self.last_sync_s = -math.inf
+        #: Response to a pulse and noise model after the last pass of a sequence.
         self.channel: segment.ChannelEstimate | None = None
 
     def successor(self, tool: ToolConfiguration, flow: FlowSpans) -> PulseReceiver:
