@@ -47,17 +47,13 @@ _REVISABLE = 1000
 
 
 class _Published(NamedTuple):
-    """
-    Published survey, and the azimuth propagated to it from the station above.
-
-    known : arguments of `Finding.continued`: azimuth and 1 sigma, rad, and variance in common, rad^2; None if the
-    propagated azimuth did not change the survey.
-    above : number of the survey from which the azimuth was propagated; 0: none.
-    """
+    """Published survey, and the azimuth propagated to it from the station above."""
 
     survey: DecidedSurvey
+    #: Arguments of `Finding.continued`: azimuth and 1 sigma, rad, and variance in common, rad^2; None if the propagated
+    #: azimuth did not change the survey.
     known: tuple[float, float, float] | None = None
-    above: int = 0
+    above: int = 0  #: number of the survey from which the azimuth was propagated; 0: none
 
 
 @dataclasses.dataclass(frozen=True)
