@@ -30,8 +30,7 @@ from mwd_surface.surveys.recorded_settings import Recorded, SurfacePart
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 
-Arrived = tuple[Stamps, Samples]
-"""Times of messages in a recording, ns, and their samples."""
+Arrived = tuple[Stamps, Samples]  #: times of messages in a recording, ns, and their samples
 
 
 class ListBuilder:
