@@ -162,7 +162,8 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
         whitened = filtered(stretch.pressure - pumps, state.whitener)
         responses = _estimate(stretch, state, whitened, weight, pulses)
         g = _whitened(state.response, state.whitener)
-        weight = _weights(stretch, pulses.train, g, whitened) if turn > 0 or again else weight
+        if turn > 0 or again:
+            weight = precision(whitened - reconstruct(pulses.train, g), stretch.known)
         metric, level = _metric(stretch, responses, state.whitener, (whitened, weight))
         common = common_energy(g, len(g) // SAMPLES_PER_TU)
         far, beside = shared_energy(stretch, stretch.places, common, pulses)
@@ -404,11 +405,6 @@ def _sync_size(
         return 1.0, math.inf
     error = weighted @ sync[here]
     return float(weighted @ rest) / power, math.sqrt(1.0 / power + float(error @ covariance @ error) / power**2)
-
-
-def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Array) -> Array:
-    """Return the weight of each sample: small where the noise is large, 0 where the sample is unknown."""
-    return precision(whitened - reconstruct(train, g), stretch.known)
 
 
 def _new_noise(

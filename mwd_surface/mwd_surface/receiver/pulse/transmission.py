@@ -176,10 +176,8 @@ class ReceivedTransmission:
         """
         self._off_s = off_s
         if self._pass is None or self._pass.complete:
-            self._begin_pass()
+            self._pass = self._next_pass()
         now, presence = self._pass, self.presence
-        if now is None:
-            return
         items = now.following()
         rows, length = packet_rows(items)
         clock, began, was_faint = self._clock, now.at, presence.faint
@@ -354,9 +352,9 @@ class ReceivedTransmission:
     def _sequences(self, kind: str) -> tuple[tuple[SequenceItem, ...], ...]:
         return self._tool.surveys if kind == "survey" else self._tool.toolfaces
 
-    def _begin_pass(self) -> None:
+    def _next_pass(self) -> Pass:
         """
-        Choose the next sequence: after a sync by the header and the evidence in the data, else the toolface sequence.
+        Return the next pass: after a sync by the header and the evidence in the data, else of the toolface sequence.
 
         If the tool sends no header, a survey follows a sync.
         """
@@ -364,19 +362,16 @@ class ReceivedTransmission:
             following = self._following(self._pass)
             offered, self._offered = self._offered, False
             if not offered or self._goes_on(following):
-                self._pass = following
-                return
+                return following
             self._places += passes.sync_places(self._tool, following.start)
             self._boundary = following.start + SAMPLES_PER_TU * self._tool.sync.length_tu
-        start, number = self._boundary, 0
+        # Without a header a tool sends a sync only after flow-on, and then it sends a survey.
+        start, number, kind = self._boundary, 0, "survey"
         if self._tool.header_bits:
             number = self._header(start)
             start += SAMPLES_PER_TU * self._tool.header_tu
-        # Without a header a tool sends a sync only after flow-on, and then it sends a survey.
-        kind = "survey"
-        if self._tool.header_bits:
             kind = self._kind_after_header(number, start)
-        self._pass = Pass(kind, self._tool.sequence(kind, number), start, at=start)
+        return Pass(kind, self._tool.sequence(kind, number), start, at=start)
 
     def _kind_after_header(self, number: int, start: int) -> str:
         """Return whether a survey or a toolface sequence begins at a sample, by the evidence of the data."""
