@@ -18,8 +18,8 @@ from mwd_surface.nodes.settings import SurfaceSettings
 from project import GOLDEN, ROOT
 
 BAG = str(GOLDEN / "stations" / "bag")
+#: Address space of a command, bytes: libraries and compiled code take half of it, a bomb more than the rest.
 MEMORY = 3 * 10**9
-"""Address space of a command, bytes: libraries and compiled code take half of it, a bomb more than the rest."""
 
 
 BUDGETS = [value for value in vars(budgets).values() if isinstance(value, budgets.Budget)]

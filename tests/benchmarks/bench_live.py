@@ -73,21 +73,15 @@ class Received:
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """
-    What a chain did.
+    """Figures of one chain of nodes."""
 
-    cores: used by each process.
-    samples, attitudes: received a second.
-    missing: of samples and attitudes, in per cent of those between the first and the last.
-    latency_ms: median, 99th percentile.
-    recorded: of each stream, messages and how many are missing between them.
-    """
-
-    cores: dict[str, float]
-    samples: float = 0.0
-    attitudes: float = 0.0
+    cores: dict[str, float]  #: processor cores used by each process
+    samples: float = 0.0  #: samples received per second
+    attitudes: float = 0.0  #: attitudes received per second
+    #: Missing samples and attitudes, in per cent of those between the first and the last.
     missing: tuple[float, float] = (0.0, 0.0)
-    latency_ms: tuple[float, float] = (0.0, 0.0)
+    latency_ms: tuple[float, float] = (0.0, 0.0)  #: median and 99th percentile
+    #: For each stream: number of recorded messages, and of those missing between them.
     recorded: dict[str, tuple[int, int]] = dataclasses.field(default_factory=dict)
 
     @property

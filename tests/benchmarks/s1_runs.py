@@ -25,25 +25,13 @@ _GYRO = "tool.precision.gyro"
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """
-    One case.
-
-    Attributes
-    ----------
-    title, scenario : str
-    parameters : dict
-        Parameters of the estimator that differ from the defaults.
-    unit : dict
-        Figures of the simulated precision gyro that differ from its grade.
-    one_position : bool
-        Whether each station is surveyed in the first of its two positions.
-    """
+    """One case."""
 
     title: str
     scenario: str
-    parameters: dict[str, float | str]
-    unit: dict[str, float]
-    one_position: bool = False
+    parameters: dict[str, float | str]  #: parameters of the estimator that differ from the defaults
+    unit: dict[str, float]  #: figures of the simulated precision gyro that differ from its grade
+    one_position: bool = False  #: whether each station is surveyed in the first of its two positions
 
 
 CASES = (

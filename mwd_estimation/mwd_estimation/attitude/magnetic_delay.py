@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Array, Stamps
 
-SPAN_NS = 5_000_000_000
-"""Duration of the span of samples that is evaluated at once, ns."""
+SPAN_NS = 5_000_000_000  #: duration of the span of samples that is evaluated at once, ns
 _BIN_NS = 500_000_000
 # Length of the end of a span that waits for the next span, ns, because its magnetic samples may not have arrived yet.
 _OPEN_NS = _BIN_NS
@@ -47,8 +46,8 @@ _SHARE = 0.05
 # Number of iterations over a span. Each iteration uses the mean speed over the delay of the previous one, because the
 # speed may change within the delay.
 _PASSES = 3
+#: Longest plausible delay, s; a longer one is not corrected, because two different clocks are a more likely cause.
 LONGEST_S = 0.5
-"""Longest plausible delay, s; a longer one is not corrected, because two different clocks are a more likely cause."""
 
 
 def in_words(late_ns: int) -> str:

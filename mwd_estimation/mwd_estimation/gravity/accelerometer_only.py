@@ -24,8 +24,8 @@ from mwd_sensors.core.records import dtype_of
 
 _INITIALISING = int(Status.INITIALISING)
 
+#: One record with the fields of `AccelerometerRecord`, shape (1,); a run can continue from a copy.
 State = NDArray[np.void]
-"""One record with the fields of `AccelerometerRecord`, shape (1,); a run can continue from a copy."""
 
 
 class AccelerometerParams(NamedTuple):
@@ -42,14 +42,10 @@ class AccelerometerRecord:
 
     clock: track.TrackClock
     motion: track.TrackMotion
-    down: Annotated[Array, 3]
-    """Last direction down, unit vector."""
-    mean: Annotated[Array, 3]
-    """Mean force in tool axes, m/s^2."""
-    square: Annotated[Array, 3]
-    """Mean square of the force along each tool axis, (m/s^2)^2."""
-    power: float
-    """Mean square of the difference between the force's magnitude and gravity, (m/s^2)^2."""
+    down: Annotated[Array, 3]  #: last direction down, unit vector
+    mean: Annotated[Array, 3]  #: mean force in tool axes, m/s^2
+    square: Annotated[Array, 3]  #: mean square of the force along each tool axis, (m/s^2)^2
+    power: float  #: mean square of the difference between the force's magnitude and gravity, (m/s^2)^2
 
 
 RECORD = dtype_of(AccelerometerRecord)

@@ -38,8 +38,7 @@ _SLOWEST, _SQUARE_SHARE = 0.02, 0.3
 
 _INITIALISING = int(Status.INITIALISING)
 
-State = NDArray[np.void]
-"""One record with the fields of `MahonyRecord`, shape (1,); a run can continue from a copy."""
+State = NDArray[np.void]  #: one record with the fields of `MahonyRecord`, shape (1,); a run can continue from a copy
 
 
 class MahonyParams(NamedTuple):

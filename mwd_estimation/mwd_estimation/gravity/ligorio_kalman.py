@@ -32,8 +32,7 @@ _INITIALISING = int(Status.INITIALISING)
 # their average.
 _SQUARE_TIME, _SCALE_LEAST, _SCALE_MOST = 5.0, 0.1, 100.0
 
-State = NDArray[np.void]
-"""One record with the fields of `LigorioRecord`, shape (1,); a run can continue from a copy."""
+State = NDArray[np.void]  #: one record with the fields of `LigorioRecord`, shape (1,); a run can continue from a copy
 
 
 class LigorioParams(NamedTuple):

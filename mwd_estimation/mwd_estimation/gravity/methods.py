@@ -32,8 +32,8 @@ class Method:
     Params: Callable[..., Any]
     initial: Callable[[Any], Any]
     run: Callable[..., Track]
+    #: Whether `run` accepts clip flags (`core.clip_flags`) and magnetic samples as its last arguments.
     uses_field: bool = False
-    """Whether `run` accepts clip flags (`core.clip_flags`) and magnetic samples as its last arguments."""
 
 
 _MAHONY = functools.partial(fuzzy_mahony.MahonyParams, fuzzy=False)

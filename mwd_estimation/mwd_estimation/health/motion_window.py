@@ -20,24 +20,22 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import rotate_right
 from mwd_sensors.core.records import dtype_of
 
-PARTS = 6
-"""Number of half seconds in a window."""
+PARTS = 6  #: number of half seconds in a window
+#: Largest number of steps in a window: a gyro in deg/s makes each sample a step, which gives 6000 in 3 s at 2 kHz.
 ROWS = 8192
-"""Largest number of steps in a window: a gyro in deg/s makes each sample a step, which gives 6000 in 3 s at 2 kHz."""
 # A step ends after this squared rotation, rad^2, or this time, ns.
 _TURN2, _STEP_NS = 0.2, 100_000_000
 # Longest interval between two samples over which the rotation is integrated, s.
 _LONGEST = 0.25
+#: Net rate above which a string rotates, rad/s: a tool handled by people does not turn that fast for seconds.
 TURNING = 3.0
-"""Net rate above which a string rotates, rad/s: a tool handled by people does not turn that fast for seconds."""
+#: Smallest cosine of the angle from x to the axis of the net rotation of a window for a rotation about x (5 deg).
 ABOUT_X = math.cos(math.radians(5.0))
-"""Smallest cosine of the angle from x to the axis of the net rotation of a window for a rotation about x (5 deg)."""
+#: `ABOUT_X` for a part of a window: a second of whirl or a blow leaves a net rotation across the axis.
 ROUGHLY_X = 0.85
-"""`ABOUT_X` for a part of a window: a second of whirl or a blow leaves a net rotation across the axis."""
+#: Range of the Earth's field plus a magnetised string, T; other fields are in another unit of measurement.
 LEAST_FIELD, MOST_FIELD = 5e-6, 3e-4
-"""Range of the Earth's field plus a magnetised string, T; other fields are in another unit of measurement."""
-UPWARDS = 0.17
-"""Axial force, as a share of gravity, above which the hole would point upwards by 10 deg."""
+UPWARDS = 0.17  #: axial force, as a share of gravity, above which the hole would point upwards by 10 deg
 
 
 class MotionStep:

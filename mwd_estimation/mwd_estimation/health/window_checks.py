@@ -59,46 +59,18 @@ def attitudes(turns: Array, scale: float) -> Array:
 
 
 class Window:
-    """
-    Carried vectors of a window in each of the 48 cases of exchanged and reversed axes (`axis_mappings`).
-
-    Attributes
-    ----------
-    force, field : ndarray, shape (48,)
-        Squared length of the mean carried force and field in each case, in the squared units of the sensors.
-    force_deg, field_deg : float
-        Squared length of the mean carried force and field if the gyros send deg/s.
-    force_fixed, field_fixed : float
-        Squared length of the mean force and field in tool axes.
-    force2, field2 : float
-        Mean squared length of force and field.
-    forces, fields : int
-        Number of samples of force and field.
-    product : ndarray, shape (3, 3)
-        Mean of force component i times field component j.
-    part_force : ndarray, shape (parts, 48, 3)
-        Mean carried force of each half second in each case.
-    mean_force : ndarray, shape (3,)
-        Mean force in tool axes.
-    push : float
-        Largest magnitude of the mean force of a half second along an axis of the tool, in the unit of the sensor.
-    path : float
-        Total rotation angle according to the gyros, rad.
-    turn : ndarray, shape (3,)
-        Sum of the rotations about each axis, rad.
-    began_ns : int
-        Start of the window.
-    seconds : float
-        Length of the window, s.
-    """
+    """Carried vectors of a window in each of the 48 cases of exchanged and reversed axes (`axis_mappings`)."""
 
     def __init__(self, steps: Any, began_ns: int, seconds: float) -> None:
         turn = np.ascontiguousarray(steps["turn"])
         force, field, counts = steps["force"], steps["field"], steps["fields"]
-        self.began_ns, self.seconds = began_ns, seconds
+        self.began_ns, self.seconds = began_ns, seconds  #: start and length of the window, ns and s
+        #: Number of samples of force and field.
         self.forces, self.fields = int(steps["forces"].sum()), int(counts.sum())
+        #: `force2`, `field2`: mean squared length of force and field.
         self.force2 = float(steps["force2"].sum() / max(self.forces, 1))
         self.field2 = float(steps["field2"].sum() / max(self.fields, 1))
+        #: Total rotation angle according to the gyros, rad; sum of the rotations about each axis, rad, shape (3,).
         self.path, self.turn = float(np.sqrt((turn**2).sum(axis=1)).sum()), turn.sum(axis=0)
         starts = np.flatnonzero(np.diff(steps["part"], prepend=-1))
         part_forces = np.add.reduceat(steps["forces"], starts)
@@ -109,21 +81,28 @@ class Window:
             by_part.append(np.einsum("wbj,pabj->pwa", ROTATIONS, carried))
             in_all.append(np.einsum("wbj,abj->wa", ROTATIONS, np.einsum("nab,nj->abj", mats, field)))
         sums = np.concatenate(by_part, axis=1)
+        #: Mean carried force of each half second in each case; shape (parts, 48, 3).
         self.part_force = sums / np.maximum(part_forces, 1)[:, None, None]
         self.whole_parts = bool((part_forces > 0).all())
         n, m = max(self.forces, 1), max(self.fields, 1)
+        #: `force`, `field`: squared length of the mean carried force and field in each case, in the squared units of
+        #: the sensors; shape (48,).
         self.force = ((sums.sum(axis=0) / n) ** 2).sum(axis=1)
         self.field = ((np.concatenate(in_all) / m) ** 2).sum(axis=1)
         as_deg = attitudes(turn, math.radians(1.0))
+        #: `force_deg`, `field_deg`: squared length of the mean carried force and field if the gyros send deg/s.
         self.force_deg = float(((np.einsum("nab,nb->a", as_deg, force) / n) ** 2).sum())
         self.field_deg = float(((np.einsum("nab,nb->a", as_deg, field) / m) ** 2).sum())
         tool_means = np.add.reduceat(force, starts) / np.maximum(part_forces, 1)[:, None]
+        #: Largest magnitude of the mean force of a half second along an axis of the tool, in the unit of the sensor.
         self.push = float(np.abs(tool_means).max())
-        self.mean_force = force.sum(axis=0) / n
+        self.mean_force = force.sum(axis=0) / n  #: mean force in tool axes; shape (3,)
+        #: `force_fixed`, `field_fixed`: squared length of the mean force and field in tool axes.
         self.force_fixed = float((self.mean_force**2).sum())
         self.field_fixed = float(((field.sum(axis=0) / m) ** 2).sum())
         both = (counts > 0) & (steps["forces"] > 0)
         product = np.einsum("ni,nj->ij", force[both], field[both] / counts[both, None])
+        #: Mean of force component i times field component j; shape (3, 3).
         self.product = product / max(int(steps["forces"][both].sum()), 1)
 
     def noise(self, case: int) -> float:

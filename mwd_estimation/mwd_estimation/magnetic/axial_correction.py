@@ -161,23 +161,17 @@ def _corrected(
 
 @dataclass(frozen=True)
 class _Peaks:
-    """
-    The two most probable azimuths of n stations; arrays of shape (n,), angles in rad.
+    """The two most probable azimuths of n stations; arrays of shape (n,), angles in rad."""
 
-    azimuth, other : most probable and second azimuth.
-    apart : difference between them.
-    cost, cost_other : their values of `_FitStations.cost`; `cost_other` is infinite for a station with only one
-    azimuth.
-    angles, density : azimuths of a grid over the circle, shape (m,), and their probabilities, shape (n, m).
-    """
-
-    azimuth: Array
-    other: Array
-    apart: Array
+    azimuth: Array  #: most probable azimuth
+    other: Array  #: second azimuth
+    apart: Array  #: difference between them
+    #: `cost`, `cost_other`: their values of `_FitStations.cost`; `cost_other` is infinite for a station with only one
+    #: azimuth.
     cost: Array
     cost_other: Array
-    angles: Array
-    density: Array
+    angles: Array  #: azimuths of a grid over the circle, shape (m,)
+    density: Array  #: probabilities of these azimuths, shape (n, m)
 
 
 def _peaks(stations: _FitStations) -> _Peaks:

@@ -47,17 +47,13 @@ _REVISABLE = 1000
 
 
 class _Published(NamedTuple):
-    """
-    Published survey, and the azimuth propagated to it from the station above.
-
-    known : arguments of `Finding.continued`: azimuth and 1 sigma, rad, and variance in common, rad^2; None if the
-    propagated azimuth did not change the survey.
-    above : number of the survey from which the azimuth was propagated; 0: none.
-    """
+    """Published survey, and the azimuth propagated to it from the station above."""
 
     survey: DecidedSurvey
+    #: Arguments of `Finding.continued`: azimuth and 1 sigma, rad, and variance in common, rad^2; None if the propagated
+    #: azimuth did not change the survey.
     known: tuple[float, float, float] | None = None
-    above: int = 0
+    above: int = 0  #: number of the survey from which the azimuth was propagated; 0: none
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,9 +173,19 @@ class SurveyDecision:
         The survey is kept as published, for revisions.
         """
         known, finding = _known_of(provisional, propagated), provisional.finding
-        survey = self._continued(provisional, propagated, known)
-        had_a_say = known is not None and finding is not None and finding.continued(*known) is not finding
-        self._keep(_Published(survey, known if had_a_say else None, self._above))
+        survey, changes = provisional.survey, False
+        if known is not None and finding is not None:
+            continued = finding.continued(*known)
+            changes = continued is not finding
+            decided = judged(provisional.measured, continued, self._settings)
+            station = dataclasses.replace(decided, azimuths=survey.station.azimuths)
+            survey = dataclasses.replace(survey, station=station)
+            survey = survey if provisional.against is None else provisional.against.judge(survey)
+        if known is not None:
+            row = MethodAzimuth(AzimuthMethod.GYRO_PROPAGATED, propagated.station_azimuth, propagated.station_sigma)
+            listed = dataclasses.replace(survey.station, azimuths=(*survey.station.azimuths, row))
+            survey = dataclasses.replace(survey, station=listed, weights={**survey.weights, row.method: 0.0})
+        self._keep(_Published(survey, known if changes else None, self._above))
         if math.isfinite(provisional.accepted_azimuth.azimuth):
             self._above = survey.sequence
         return survey
@@ -209,21 +215,6 @@ class SurveyDecision:
         """
         taken, published = tuple(self._taken.items()), dict(self._published)
         return functools.partial(_judged_again, taken, published, self._settings, newest, self._faults.standing)
-
-    def _continued(
-        self, provisional: Provisional, propagated: PropagatedAzimuth, known: tuple[float, float, float] | None
-    ) -> DecidedSurvey:
-        survey, finding = provisional.survey, provisional.finding
-        if known is None:
-            return survey
-        if finding is not None:
-            decided = judged(provisional.measured, finding.continued(*known), self._settings)
-            station = dataclasses.replace(decided, azimuths=survey.station.azimuths)
-            survey = dataclasses.replace(survey, station=station)
-            survey = survey if provisional.against is None else provisional.against.judge(survey)
-        row = MethodAzimuth(AzimuthMethod.GYRO_PROPAGATED, propagated.station_azimuth, propagated.station_sigma)
-        listed = dataclasses.replace(survey.station, azimuths=(*survey.station.azimuths, row))
-        return dataclasses.replace(survey, station=listed, weights={**survey.weights, row.method: 0.0})
 
     def rotary(
         self, average: StillAverage, sequence: int, reference: Reference | None, rotary_speed: float

@@ -32,18 +32,7 @@ _LIKELY, _LEADS = 0.2, 0.5
 
 
 class MagneticFeedback:
-    """
-    The present field model, and the data from which it is made.
-
-    Attributes
-    ----------
-    in_force : MagneticModelInForce
-        Present field model; a change creates a new object.
-    interference : tuple of float or None
-        Axial interference and 1 sigma, T, from the last corrected station.
-    north : str
-        North of the azimuths: magnetic, true or grid.
-    """
+    """The present field model, and the data from which it is made."""
 
     def __init__(self, settings: StationSettings, reference: Reference | None) -> None:
         self._settings = settings
@@ -53,8 +42,9 @@ class MagneticFeedback:
     def set_reference(self, reference: Reference | None) -> None:
         """Use this reference from now on, and discard the interference."""
         self.reference = reference
+        #: Axial interference and 1 sigma, T, from the last corrected station.
         self.interference: tuple[float, float] | None = None
-        self.in_force = self._model()
+        self.in_force = self._model()  #: present field model; a change creates a new object
 
     def take(self, taken: DecidedSurvey, shared: tuple[Array, Array] | None) -> None:
         """
@@ -95,6 +85,7 @@ class MagneticFeedback:
 
     def _model(self, update: StationUpdate | None = None) -> MagneticModelInForce:
         reference, settings = self.reference, self._settings
+        #: North of the azimuths: magnetic, true or grid.
         self.north = best_north(reference) if settings.north == "best" else settings.north
         correction = north_correction(reference, self.north)
         if correction is None:

@@ -50,21 +50,15 @@ _MISFIT = chi_square.limit(0.001, 1)
 
 @dataclass(frozen=True)
 class StationReadings:
-    """
-    Readings in tool axes (f_t, b_t) and hole axes (f_h, b_h), and quantities computed from them.
-
-    `noise`, shape (6, 6): covariance of the means (f_h, b_h) by noise. `covariance`, shape (6, 6): `noise` plus the
-    errors that remain after calibration. `jacobian`, shape (3, 6): derivative of (inclination, azimuth, toolface) with
-    respect to (f_h, b_h). Units: m/s^2, T, rad.
-    """
+    """Readings in tool axes (f_t, b_t) and hole axes (f_h, b_h), and quantities computed from them; m/s^2, T, rad."""
 
     f_t: Array
     b_t: Array
     f_h: Array
     b_h: Array
-    noise: Array
-    covariance: Array
-    jacobian: Array
+    noise: Array  #: shape (6, 6); covariance of the means (f_h, b_h) by noise
+    covariance: Array  #: shape (6, 6); `noise` plus the errors that remain after calibration
+    jacobian: Array  #: shape (3, 6); derivative of (inclination, azimuth, toolface) with respect to (f_h, b_h)
     has_field: bool
     b_total: float
     inclination: float

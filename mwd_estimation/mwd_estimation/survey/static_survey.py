@@ -65,17 +65,11 @@ class BinSet:
 
 
 class StillSurvey:
-    """
-    State machine over bins that returns one average per still interval, and more on request.
-
-    Attributes
-    ----------
-    hindrances : dict of ReasonCode to (int, Reason)
-        For each reason why bins were not still: number of these bins, and the reason of the last one.
-    """
+    """State machine over bins that returns one average per still interval, and more on request."""
 
     def __init__(self, settings: SurveySettings) -> None:
         self.settings = settings
+        #: For each reason why bins were not still: number of these bins, and the reason of the last one.
         self.hindrances: dict[Code, tuple[int, Reason]] = {}
         self._settles, self._lasts = _bins(settings.settle_s, least=0), _bins(settings.duration_s)
         self.still_bins = 0

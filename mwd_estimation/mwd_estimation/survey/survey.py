@@ -50,8 +50,7 @@ class Verdict(enum.IntEnum):
         return self.name.lower().replace("_", " ")
 
 
-RECEIVED_OVER = "received over "
-"""Beginning of the reason that names the links over which a survey came."""
+RECEIVED_OVER = "received over "  #: beginning of the reason that names the links over which a survey came
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

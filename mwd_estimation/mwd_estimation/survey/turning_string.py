@@ -71,19 +71,16 @@ class _Triad:
     """
     Sums, over the fitted windows, of the readings of one triad (three accelerometers or three magnetometers).
 
-    `windows`: number of windows; `weight`: squared amplitude of the rotating vector; `axis`: tilt of the axis of
-    rotation, y + i z, times this squared amplitude; `across`, `along`: constant part of y + i z, and of x; `noise`:
-    variance of an amplitude; `rate2`: squared mean rate, (rad/s)^2. Units are those of the sensor, squared for weight,
-    axis and noise.
+    Units are those of the sensor, squared for weight, axis and noise.
     """
 
-    windows: int = 0
-    weight: float = 0.0
-    axis: complex = 0j
-    across: complex = 0j
-    along: float = 0.0
-    noise: float = 0.0
-    rate2: float = 0.0
+    windows: int = 0  #: number of windows
+    weight: float = 0.0  #: squared amplitude of the rotating vector
+    axis: complex = 0j  #: tilt of the axis of rotation, y + i z, times this squared amplitude
+    across: complex = 0j  #: constant part of y + i z
+    along: float = 0.0  #: constant part of x
+    noise: float = 0.0  #: variance of an amplitude
+    rate2: float = 0.0  #: squared mean rate, (rad/s)^2
 
     def add(self, columns: Array, values: Array, rate: float) -> None:
         """Fit a window if possible; columns (n, 12) as in `_columns`, values (n, 3) in tool axes, mean rate, rad/s."""

@@ -134,7 +134,8 @@ def _as_found(station: Station, finding: Finding) -> Station:
 def _against_limits(station: Station, readings: StationReadings, settings: StationSettings) -> Station:
     """Return the station with the deviations of its totals from the reference, and their limits."""
     # Near the vertical the field of the string does not turn the azimuth: use the totals of the readings.
-    taken_off = station.interference if station.corrected and not _upright(readings) else 0.0
+    upright = math.sin(readings.inclination) < math.sin(NEAR_VERTICAL)
+    taken_off = station.interference if station.corrected and not upright else 0.0
     apart = totals.deviations(
         readings.f_h, readings.b_h, station.reference, readings.covariance, settings.errors, taken_off,
         readings.has_field,
@@ -250,10 +251,6 @@ def _judge_totals(azimuth: _Findings, station: Station, settings: StationSetting
     """Add the reasons from field and dip outside their limits."""
     judgement = totals.judge(replace(station.deviations, gravity=math.nan), settings.quality)
     azimuth.add(judgement.verdict, *judgement.reasons)
-
-
-def _upright(readings: StationReadings) -> bool:
-    return math.sin(readings.inclination) < math.sin(NEAR_VERTICAL)
 
 
 def _why_uncertain(finding: Finding, risk: float, far: float) -> Reason:

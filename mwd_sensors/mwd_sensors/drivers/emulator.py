@@ -25,8 +25,7 @@ from mwd_sensors.drivers import mtdata2, polled_line, probe_protocol
 from mwd_sensors.drivers.readings import LAYOUTS, UnitAnswer, UnitSample, readings_of
 
 NAME = "mwd emulator 1"
-XSENS_FIELD_T = 50e-6
-"""Field that the emulated MTi reports as 1, T; the driver's `xsens_field_ut` must be 50."""
+XSENS_FIELD_T = 50e-6  #: field that the emulated MTi reports as 1, T; the driver's `xsens_field_ut` must be 50
 PROTOCOLS = ("binary", "ascii", "xsens", "polled")
 # Longest wait for commands between two samples, and for the host to read the line, s.
 _WAIT_S = 0.02

@@ -45,8 +45,8 @@ _AXES = {
     "imu/mag": ("field",),
     "imu/temperature": (),
 }
+#: Quantities of each topic of a probe, in the order of its fields.
 NAMES = {topic: tuple(f"{name}_{axis}" for name in names for axis in "xyz") for topic, names in _AXES.items()}
-"""Quantities of each topic of a probe, in the order of its fields."""
 NAMES["imu/temperature"] = ("temperature",)
 _CHECK_BYTES, _REFUSED, _CODE = 2, 0x80, {1: "unknown command", 2: "unknown data", 3: "wrong number", 4: "unit failed"}
 _LARGEST_FLOAT32 = 3.4e38

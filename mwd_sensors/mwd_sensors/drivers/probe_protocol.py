@@ -26,8 +26,8 @@ _TIME, _INFO = 16, 17
 # Kind of a frame -> its name in a line of text.
 _NAMES = {1: "IMU", 2: "MAG", 3: "GYRO", 4: "TEMP", _TIME: "CLOCK", _INFO: "PROBE"}
 _FORMS = {kind: form for kind, (_, form) in _SAMPLES.items()} | {_TIME: "<qq"}
+#: Command to a probe -> kind of its frame. The commands start and stop the samples, and request time and name.
 COMMANDS = {"start": 32, "stop": 33, "time": 34, "info": 35}
-"""Command to a probe -> kind of its frame. The commands start and stop the samples, and request time and name."""
 _BY_NAME = {name: kind for kind, name in _NAMES.items()}
 _BY_TOPIC = {topic: kind for kind, (topic, _) in _SAMPLES.items()}
 # Largest number of bytes without an end; more bytes are not a frame and are dropped.

@@ -18,24 +18,21 @@ CLIP_WORDS = {
     for sensor, bits in (("accelerometer", CLIPPED_ACCEL), ("gyro", CLIPPED_GYRO), ("magnetometer", CLIPPED_MAG))
     for bit, axis in zip(bits, "xyz", strict=True)
 }
+#: Topics of a probe's samples and their layouts, in the order in which samples of equal stamps are sent. The IMU is
+#: last, so that the samples that the estimator combines with it have already arrived.
 LAYOUTS = {
     "imu/temperature": wire.TEMPERATURE,
     "gyro/data_raw": wire.IMU,
     "imu/mag": wire.MAG,
     "imu/data_raw": wire.IMU,
 }
-"""
-Topics of a probe's samples and their layouts, in the order in which samples of equal stamps are sent.
-
-The IMU is last, so that the samples that the estimator combines with it have already arrived.
-"""
+#: Measured fields of each topic, SI.
 FIELDS = {
     "imu/temperature": ("temperature",),
     "gyro/data_raw": ("angular_velocity", "linear_acceleration"),
     "imu/mag": ("magnetic_field",),
     "imu/data_raw": ("angular_velocity", "linear_acceleration"),
 }
-"""Measured fields of each topic, SI."""
 _CLIP_BITS = {
     "angular_velocity": np.array(CLIPPED_GYRO),
     "linear_acceleration": np.array(CLIPPED_ACCEL),

@@ -28,8 +28,8 @@ RATE_HZ = 250.0  # sample rate of the voltage, Hz
 _HALF_BAND_HZ = 0.4 * RATE_HZ
 _MAINS_SIGMA_HZ, _MAINS_S = 0.01, 20.0
 
+#: Position, m, north, east, down, and unit vector of the tool axis at a time, s; each of shape (3,).
 Place = Callable[[float], tuple[Array, Array]]
-"""Position, m, north, east, down, and unit vector of the tool axis at a time, s; each of shape (3,)."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -280,17 +280,12 @@ def _delay(
 
 @dataclasses.dataclass
 class LinkState:
-    """
-    State of the connection of one topic.
-
-    burst_start : simulation time of the present or next interval without messages, s.
-    waiting : message that the next message will overtake; None if there is none.
-    """
+    """State of the connection of one topic."""
 
     link: MessageFaults
     rng: np.random.Generator
-    burst_start: float = math.inf
-    waiting: Samples | None = None
+    burst_start: float = math.inf  #: simulation time of the present or next interval without messages, s
+    waiting: Samples | None = None  #: message that the next message will overtake; None if there is none
 
 
 def start_link(link: MessageFaults, rng: np.random.Generator) -> LinkState:

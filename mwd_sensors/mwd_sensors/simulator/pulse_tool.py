@@ -42,17 +42,12 @@ class SentTransmission:
 
 @dataclasses.dataclass(frozen=True)
 class LinkRun:
-    """
-    Simulated transmission through mud, with the standpipe pressure.
+    """Simulated transmission through mud, with the standpipe pressure."""
 
-    time_s and pressure_pa, shape (n,): times, s, and standpipe pressure, Pa. strokes_s: times of the counted strokes
-    of each pump. sent: the transmission.
-    """
-
-    time_s: Array
-    pressure_pa: Array
-    strokes_s: tuple[Array, ...]
-    sent: SentTransmission
+    time_s: Array  #: shape (n,); times, s
+    pressure_pa: Array  #: shape (n,); standpipe pressure, Pa
+    strokes_s: tuple[Array, ...]  #: times of the counted strokes of each pump
+    sent: SentTransmission  #: the transmission
 
 
 def transmit(

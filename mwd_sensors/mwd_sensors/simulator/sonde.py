@@ -558,13 +558,6 @@ class MeasuringUnit:
         Rate of the kinematics and of the output, Hz.
     draw, run : Generator
         Random numbers of the tool's constant errors, and of noise and drift during the simulation.
-
-    Attributes
-    ----------
-    margin : int
-        Number of kinematic samples needed before and after each output.
-    gyro_bias, accel_bias : ndarray, shape (s, 3)
-        Slow bias in each step of the last samples, rad/s and m/s^2.
     """
 
     def __init__(
@@ -577,6 +570,7 @@ class MeasuringUnit:
         gyro, accelerometer = self.grade.gyro, self.grade.accelerometer
         self._gyro_weights = instrument.low_pass(gyro.bandwidth_hz, gyro.delay_ms * 1e-3, step)
         self._accel_weights = instrument.low_pass(accelerometer.bandwidth_hz, accelerometer.delay_ms * 1e-3, step)
+        #: Number of kinematic samples needed before and after each output.
         self.margin = max(len(self._gyro_weights), len(self._accel_weights)) // 2
         self._integrated = unit.output == "integrated"
         # The noise of a single sample has the sensor's bandwidth; noise that is integrated has the full bandwidth of
@@ -619,6 +613,7 @@ class MeasuringUnit:
         # Random numbers of each step: for the slow biases of gyro and accelerometer, then for the noise of both.
         per_step = count // steps
         draws = self._run.standard_normal((steps, 4 + 2 * per_step, 3))
+        #: Slow bias in each step of the last samples, rad/s and m/s^2; shape (s, 3).
         self.gyro_bias, self.accel_bias = np.empty((steps, 3)), np.empty((steps, 3))
         rate_read, force_read = np.empty_like(rate), np.empty_like(force)
         for k, (triad, state, bias, x, band, read) in enumerate(

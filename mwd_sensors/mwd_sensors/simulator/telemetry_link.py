@@ -217,8 +217,7 @@ class WireLink:
         return heard
 
 
-LinkChannel = SampledLink | WireLink
-"""Channel of one telemetry link."""
+LinkChannel = SampledLink | WireLink  #: channel of one telemetry link
 
 
 FLOW_HZ = 5.0  # rate at which the tool measures the flow

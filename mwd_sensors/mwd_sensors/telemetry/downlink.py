@@ -23,8 +23,8 @@ LEVELS = 4
 _ARGUMENT_BITS, _COMMAND_BITS, _CHECK_BITS = 4, 3, 8
 ARGUMENTS = 1 << _ARGUMENT_BITS
 COUNTERS = 8
+#: Word of the uplink that repeats the last received command (`DownlinkFrame.echo`); 0 means that none was received.
 ECHO_WORD = "DLnk"
-"""Word of the uplink that repeats the last received command (`DownlinkFrame.echo`); 0 means that none was received."""
 
 _DATA_SYMBOLS = 9
 # Default of `Downlink.least`, the lowest drilling value with commands: rotary speed, rad/s, and flow, m^3/s.

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 
-FLOW_HOLD_S = 2.0
-"""Usual time for which the flow must hold before a tool accepts the change, s."""
+FLOW_HOLD_S = 2.0  #: usual time for which the flow must hold before a tool accepts the change, s
 
 
 @dataclasses.dataclass

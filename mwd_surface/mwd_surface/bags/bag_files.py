@@ -69,11 +69,6 @@ class BagFiles:
     path : Path
         The bag, or the folder of a run, well or results that contains one bag.
 
-    Attributes
-    ----------
-    topics, unreadable, start_ns, end_ns, notes, files, size_bytes, storage, custom, complete, lost_bytes
-        See `bag_reader.Bag`.
-
     Raises
     ------
     BagError
@@ -81,6 +76,7 @@ class BagFiles:
     """
 
     def __init__(self, path: Path) -> None:
+        # See `bag_reader.Bag` for the attributes that have the same name there.
         self.path = recording_of(path)
         self.topics: dict[str, TopicInfo] = {}
         self.unreadable: dict[str, TopicInfo] = {}
@@ -492,11 +488,6 @@ class DatabaseFiles:
     scratch : callable
         Returns a temporary folder that exists as long as the bag is open.
 
-    Attributes
-    ----------
-    topics, unreadable, start_ns, end_ns, notes, complete
-        See `ros1_bag.Ros1Bag`; `complete` is false if one of several files cannot be read.
-
     Raises
     ------
     ReaderError
@@ -504,6 +495,7 @@ class DatabaseFiles:
     """
 
     def __init__(self, files: list[Path], scratch: Callable[[], Path]) -> None:
+        # See `ros1_bag.Ros1Bag`; `complete` is false if one of several files cannot be read.
         self.topics: dict[str, TopicInfo] = {}
         self.unreadable: dict[str, TopicInfo] = {}
         self.notes = ["the recording has .db3 storage and is read by the library rosbags, which is slower"]

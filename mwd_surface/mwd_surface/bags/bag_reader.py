@@ -222,29 +222,6 @@ class Bag:
     """
     A recording opened for reading: a rosbag2 directory, a bare ``.mcap`` or ``.db3`` file, or a ``.bag`` of ROS 1.
 
-    Attributes
-    ----------
-    topics : dict of str to TopicInfo
-        Topics whose messages can be read.
-    unreadable : dict of str to TopicInfo
-        Topics whose messages cannot be read; `TopicInfo.problem` is the reason.
-    start_ns, end_ns : int
-        Log time of the first and the last message; both 0 if there is no message.
-    notes : list of str
-        One sentence for each thing that was unusual or damaged; the list grows while reading.
-    files : list of Path
-        The files that are read, as found on the disk.
-    size_bytes : int
-        Total size of these files.
-    storage : str
-        ``mcap``, ``sqlite3`` or ``ros1``.
-    custom : dict of str
-        The table ``custom_data`` of metadata.yaml.
-    complete : bool
-        False if the recording is known to be cut off or damaged.
-    lost_bytes : int
-        Number of bytes of a ROS 1 recording after the place where reading ended.
-
     Raises
     ------
     BagError
@@ -253,8 +230,13 @@ class Bag:
 
     def __init__(self, path: Path | str) -> None:
         self._opened = opened = BagFiles(Path(path))
-        self.path, self.topics, self.notes, self.custom = opened.path, opened.topics, opened.notes, opened.custom
+        self.path = opened.path
+        self.topics = opened.topics  #: topics whose messages can be read
+        #: Topics whose messages cannot be read; `TopicInfo.problem` is the reason.
         self.unreadable = opened.unreadable
+        #: One sentence for each thing that was unusual or damaged; the list grows while reading.
+        self.notes = opened.notes
+        self.custom = opened.custom  #: the table ``custom_data`` of metadata.yaml
         for about in list(self.topics.values()):
             if about.type_name.startswith("mwd_msgs/") and not is_ours(about.type_name, about.type_hash, about.schema):
                 problem = "it was recorded with another definition of this type"
@@ -262,9 +244,14 @@ class Bag:
         for name, about in self.topics.items():
             if about.type_name == wire.VECTOR.type_name:
                 self.topics[name] = dataclasses.replace(about, quantity=quantity_of(name))
+        #: Log time of the first and the last message; both 0 if there is no message.
         self.start_ns, self.end_ns = opened.start_ns, opened.end_ns
-        self.files, self.size_bytes, self.storage = opened.files, opened.size_bytes, opened.storage
-        self.complete, self.lost_bytes = opened.complete, opened.lost_bytes
+        #: The files that are read, as found on the disk, and their total size.
+        self.files, self.size_bytes = opened.files, opened.size_bytes
+        self.storage = opened.storage  #: ``mcap``, ``sqlite3`` or ``ros1``
+        self.complete = opened.complete  #: false if the recording is known to be cut off or damaged
+        #: Number of bytes of a ROS 1 recording after the place where reading ended.
+        self.lost_bytes = opened.lost_bytes
         self._noted: set[str] = set()
         self._decoder = SampleDecoder(self.topics, opened.message_compression, self._note_once)
         self._stream = PartStream(opened, self.carried, self._note_damage)

@@ -42,19 +42,6 @@ class Ros1Bag:
     """
     A ROS 1 recording.
 
-    Attributes
-    ----------
-    topics, unreadable : dict of str to TopicInfo
-        Topics whose types exist in ROS 2, and the other topics.
-    start_ns, end_ns : int
-        Time of the first and the last message; 0 if there is no message.
-    notes : list of str
-        Sentences on anything unusual.
-    complete : bool
-        Whether the recording has its index.
-    lost_bytes : int
-        Number of bytes after the place where reading of a file without index ended.
-
     Raises
     ------
     ReaderError, OSError
@@ -64,12 +51,15 @@ class Ros1Bag:
     def __init__(self, path: Path) -> None:
         self._reader = _AnyReader(path)
         self._reader.open()
-        self.complete, self.lost_bytes = not self._reader.cut, self._reader.lost_bytes
+        self.complete = not self._reader.cut  #: whether the recording has its index
+        #: Number of bytes after the place where reading of a file without index ended.
+        self.lost_bytes = self._reader.lost_bytes
+        #: Sentences on anything unusual.
         self.notes = ["the recording is of ROS 1 and is read by the library rosbags, which is slower"]
         if not self.complete:
             self.notes.append(f"{path.name} has no index because it was not closed: {self._reader.cut}")
-        self.topics: dict[str, TopicInfo] = {}
-        self.unreadable: dict[str, TopicInfo] = {}
+        self.topics: dict[str, TopicInfo] = {}  #: topics whose types exist in ROS 2
+        self.unreadable: dict[str, TopicInfo] = {}  #: the other topics
         for name, info in self._reader.topics.items():
             type_name = info.connections[0].msgtype
             known = type_name in ros2_types().fielddefs
@@ -78,6 +68,7 @@ class Ros1Bag:
                 name, type_name, info.msgcount, problem=problem
             )
         filled = [info for info in self._reader.chunk_infos if info.connection_counts]
+        #: `start_ns`, `end_ns`: time of the first and the last message; 0 if there is no message.
         self.start_ns = min((info.start_time for info in filled), default=0)
         self.end_ns = max((info.end_time - 1 for info in filled), default=0)
 
@@ -98,15 +89,9 @@ class Ros1Bag:
 
 
 class _AnyReader(Reader):
-    """
-    Reader of a recording with or without its index.
+    """Reader of a recording with or without its index."""
 
-    Attributes
-    ----------
-    cut : str
-        Text with the byte at which reading of a file without index ended; empty if the file has an index.
-    """
-
+    #: Text with the byte at which reading of a file without index ended; empty if the file has an index.
     cut = ""
     lost_bytes = 0
 

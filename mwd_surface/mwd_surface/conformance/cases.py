@@ -25,13 +25,13 @@ _FAR = 1e6  # value that exceeds every limit, in any unit
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """Result of one case; passed: None if the interface cannot express the misuse, or no person could decide."""
+    """Result of one case."""
 
     case: str
     interface: str
     expected: str
     observed: str
-    passed: bool | None
+    passed: bool | None  #: None if the interface cannot express the misuse, or no person could decide
 
 
 def case(title: str, expected: str) -> Callable[[Case], Case]:

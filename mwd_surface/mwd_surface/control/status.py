@@ -53,12 +53,10 @@ class Sender:
     Sender of a message, as far as an interface can identify senders.
 
     Only the sender of a request can renew the lease, send commands under the lease and give the lease back.
-
-    interface: name of the interface. identity: text that no other sender on this interface can have, for example from a
-    connection or a key; the text is not a secret.
     """
 
-    interface: str
+    interface: str  #: name of the interface
+    #: Text that no other sender on this interface can have, for example from a connection or a key; it is not a secret.
     identity: str
 
     def __str__(self) -> str:

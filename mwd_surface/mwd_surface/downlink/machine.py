@@ -208,6 +208,7 @@ ENDED = frozenset(
         DownlinkState.ABORTED,
     }
 )
+#: Set of the states that may follow each state.
 NEXT: dict[DownlinkState, frozenset[DownlinkState]] = {
     DownlinkState.IDLE: frozenset({DownlinkState.DRAFT}),
     DownlinkState.DRAFT: frozenset({DownlinkState.DRAFT, DownlinkState.PENDING, DownlinkState.ABORTED}),
@@ -224,7 +225,6 @@ NEXT: dict[DownlinkState, frozenset[DownlinkState]] = {
     DownlinkState.UNCONFIRMED: frozenset({DownlinkState.DRAFT, DownlinkState.CONFIRMED}),
     **dict.fromkeys(ENDED - {DownlinkState.UNCONFIRMED}, frozenset({DownlinkState.DRAFT})),
 }
-"""Set of the states that may follow each state."""
 
 
 class Transition(NamedTuple):

@@ -64,11 +64,11 @@ def _is_number(text: str) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class Drawing:
-    """Figure with its caption, drawn when the report is written. wide: whether the figure spans the full page width."""
+    """Figure with its caption, drawn when the report is written."""
 
     caption: str
     draw: Callable[[], Figure]
-    wide: bool = False
+    wide: bool = False  #: whether the figure spans the full page width
 
 
 @dataclasses.dataclass(frozen=True)

@@ -113,11 +113,11 @@ class _Template(NamedTuple):
 
 
 class _Translation(NamedTuple):
-    """Translation of a text; unknown: letters without a translation; known: letters in the template's fixed parts."""
+    """Translation of a text."""
 
     text: str
-    unknown: int
-    known: float
+    unknown: int  #: letters without a translation
+    known: float  #: letters in the template's fixed parts
 
 
 class Language:

@@ -22,8 +22,7 @@ from mwd_sensors.core.message_record import MessageRecord
 # stored, but an event with its text is logged.
 _MAX_ALARMS, _MAX_EVENTS = 200, 1000
 
-Causes = dict[str, tuple[int, str, str]]
-"""Id of an alarm -> severity, text and remedy."""
+Causes = dict[str, tuple[int, str, str]]  #: id of an alarm -> severity, text and remedy
 
 
 class Severity(enum.IntEnum):

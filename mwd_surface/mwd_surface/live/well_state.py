@@ -81,11 +81,11 @@ class DialReading:
 
 @dataclasses.dataclass(frozen=True)
 class Advisory:
-    """Advised toolface and its limit, rad; inside: whether the live toolface is within the limit, None if unknown."""
+    """Advised toolface and its limit, rad."""
 
     toolface: float
     limit: float
-    inside: bool | None
+    inside: bool | None  #: whether the live toolface is within the limit; None if unknown
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,14 +151,14 @@ class RigState:
 
 @dataclasses.dataclass(frozen=True)
 class ReferenceFieldState:
-    """Reference field and gravity, T, rad and m/s^2, NaN if unknown; source: origin of the values, in words."""
+    """Reference field and gravity, T, rad and m/s^2, NaN if unknown."""
 
     total: float = math.nan
     dip: float = math.nan
     declination: float = math.nan
     convergence: float = math.nan
     gravity: float = math.nan
-    source: str = ""
+    source: str = ""  #: origin of the values, in words
 
     @classmethod
     def of_survey(cls, survey: Survey) -> ReferenceFieldState:

@@ -253,15 +253,6 @@ class DepthLog:
     rules : DepthJumpRules, optional
         Steps of the depth that a string can make.
 
-    Attributes
-    ----------
-    version : int
-        Increases with every change.
-    unusable : dict of str to int
-        Number of samples and depths left out because they contradict themselves or the limits of a log, by reason.
-    disordered : int
-        Number of samples placed after later samples of their channel; they may be in the wrong logging pass.
-
     Raises
     ------
     ValueError
@@ -279,7 +270,7 @@ class DepthLog:
             raise ValueError(f"step_m: must be above 0 m, got {step_m!r}")
         self._rules = rules or DepthJumpRules()
         self.sensor_to_bit, self.step_m = sensor_to_bit, step_m
-        self.version = 0
+        self.version = 0  #: increases with every change
         self._history = history
         # Depth of the bit over time, and the deepest depth so far.
         self._stamps = array.array("q")
@@ -288,8 +279,10 @@ class DepthLog:
         self._bottom = -math.inf
         # States before the jumps of the depth, oldest first; the depth may return to one of them.
         self._left: collections.deque[_DepthBeforeJump] = collections.deque(maxlen=_MOST_LEFT)
+        #: Number of samples and depths left out because they contradict themselves or the limits of a log, by reason.
         self.unusable: dict[str, int] = {}
         self._units: dict[str, str] = {}
+        #: Number of samples placed after later samples of their channel; they may be in the wrong logging pass.
         self.disordered = 0
         self._waiting: list[tuple[int, int, LogSample]] = []  # heap, ordered by end of the sample, ns, and by arrival
         self._arrivals = itertools.count()

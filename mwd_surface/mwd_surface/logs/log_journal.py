@@ -38,17 +38,12 @@ class LogJournal:
     ----------
     most_bytes : int
         Size of the file, bytes, above which its older half is dropped.
-
-    Attributes
-    ----------
-    unreadable : int
-        Number of lines that were left out when the file was read.
-    fault : str
-        Reason why lines cannot be written at present; empty if they can. See `try_again`.
     """
 
     def __init__(self, path: Path, most_bytes: int = _MOST_BYTES) -> None:
-        self.unreadable, self.fault, self._path, self._most_bytes = 0, "", path, most_bytes
+        self._path, self._most_bytes = path, most_bytes
+        self.unreadable = 0  #: number of lines that were left out when the file was read
+        self.fault = ""  #: reason why lines cannot be written at present; empty if they can. See `try_again`
         self._health: HealthLedger | None = None
         self._lines: list[str] = []
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -176,21 +176,15 @@ class HealthLedger:
     ----------
     limits : ToolLimits, optional
         Section `health` of the tool file; None: there is no file.
-
-    Attributes
-    ----------
-    battery : BatteryLimits
-        Capacity, currents and sigmas from the tool file, else those of a usual kit.
-    version : int
-        Number that increases with every sample in the account.
     """
 
     def __init__(self, limits: ToolLimits | None = None) -> None:
         self._limits = limits or ToolLimits()
         self._limited = dict(self._limits.exposures or EXPOSURES)
+        #: Capacity, currents and sigmas from the tool file, else those of a usual kit.
         self.battery = self._limits.battery or _ASSUMED
         self._series: dict[str, _Series] = {}
-        self.version = 0
+        self.version = 0  #: number that increases with every sample in the account
         self._last_ns = 0
         self._flow: tuple[int, bool] | None = None
         self._pumping_s = 0.0

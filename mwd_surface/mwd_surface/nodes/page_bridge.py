@@ -25,8 +25,7 @@ from mwd_surface.ros.context import Answer, SurfaceContext
 
 _RETRY_S = 5.0  # time between two attempts to start the server, s
 
-Services = Mapping[str, tuple[Any, Callable[[Any, Any], Any]]]
-"""Type and callback of each service, by its name."""
+Services = Mapping[str, tuple[Any, Callable[[Any, Any], Any]]]  #: type and callback of each service, by its name
 
 
 class PageBridge:

@@ -37,8 +37,7 @@ _SEVERITIES = {
 # Topics of samples that the estimator uses.
 SAMPLES = ("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature")
 
-Attachment = tuple[str, str, bytes]
-"""Name, media type and content of a file in a recording."""
+Attachment = tuple[str, str, bytes]  #: name, media type and content of a file in a recording
 
 
 class RecordingServer:

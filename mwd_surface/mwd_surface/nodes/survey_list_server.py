@@ -58,20 +58,14 @@ class SurveyListServer(SurveyBook):
     settings : SurfaceSettings
         Settings of the surface, of which only the sections `well`, `rules`, `leg` and `depth` are used.
 
-    Attributes
-    ----------
-    slide_sheet : callable
-        Function that returns the slide sheet, for reports.
-    on_depth_by_hand : callable
-        Function that is called with a bit depth, m, that a person has set, and the age of the depth, s.
-
     Raises
     ------
     StoreError
         The list on disk cannot be used.
     """
 
-    slide_sheet: Callable[[], tuple[DrilledStretch, ...]]
+    slide_sheet: Callable[[], tuple[DrilledStretch, ...]]  #: function that returns the slide sheet, for reports
+    #: Function that is called with a bit depth, m, that a person has set, and the age of the depth, s.
     on_depth_by_hand: Callable[[float, float], None]
 
     def __init__(self, context: SurfaceContext, settings: SurfaceSettings, *, plan: PlanMonitor) -> None:

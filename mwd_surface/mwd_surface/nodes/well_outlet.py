@@ -34,18 +34,10 @@ from mwd_surface.trajectory.well_path import Definitive
 
 
 class NodeOutlet(WellOutlet):
-    """
-    Outlet that publishes, saves and logs the results of a well.
+    """Outlet that publishes, saves and logs the results of a well."""
 
-    Attributes
-    ----------
-    alarm_log : AlarmLog
-        Alarm log of the same well; set by the code that creates both.
-    surveys : SurveyListServer or None
-        Survey list of the node, which publishes the list and the accepted surveys.
-    """
-
-    alarm_log: AlarmLog
+    alarm_log: AlarmLog  #: alarm log of the same well; set by the code that creates both
+    #: Survey list of the node, which publishes the list and the accepted surveys.
     surveys: SurveyListServer | None = None
 
     def __init__(self, node: GraphNode[Any], worker: BackgroundWorker, slide_file: Path) -> None:

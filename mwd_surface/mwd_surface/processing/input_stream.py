@@ -66,15 +66,6 @@ class SampleStream:
         Topic whose samples are held back until it is known whether each sample comes twice (`RepeatedSamples`), as in
         live use.
 
-    Attributes
-    ----------
-    names : list of str
-        Topics, each once.
-    without_time : frozenset of str
-        Topics whose messages carry no time of their own.
-    undated : dict of str to int
-        By topic: number of samples left out so far because they have no time although other samples have one.
-
     Raises
     ------
     ValueError
@@ -82,10 +73,12 @@ class SampleStream:
     """
 
     def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings, held: str = "") -> None:
-        self.names = list(dict.fromkeys(names))
+        self.names = list(dict.fromkeys(names))  #: topics, each once
         self._bag, self._given = bag, given
         stamped = [name for name in self.names if bag.topics[name].gives in wire.LAYOUTS]
+        #: Topics whose messages carry no time of their own.
         self.without_time = unstamped(bag, stamped) if stamped else frozenset()
+        #: By topic: number of samples left out so far because they have no time although other samples have one.
         self.undated: dict[str, int] = {}
         units = [name for name in stamped if bag.topics[name].gives in (wire.IMU.type_name, wire.MAG.type_name)]
         self._repeated = {name: RepeatedSamples(hold=name == held) for name in units}
@@ -166,18 +159,12 @@ class SampleStream:
 
 
 class InputStream(SampleStream):
-    """
-    Samples of a recording in the form that the estimator needs: complete, and in SI.
-
-    Attributes
-    ----------
-    problems : list of StreamProblem
-        Reasons why the samples read so far cannot be used, although the first samples could.
-    """
+    """Samples of a recording in the form that the estimator needs: complete, and in SI."""
 
     def __init__(self, bag: Bag, topics: Topics, given: InputSettings) -> None:
         super().__init__(bag, topics.all, given, topics.imu)
         self.topics = topics
+        #: Reasons why the samples read so far cannot be used, although the first samples could.
         self.problems: list[StreamProblem] = []
         self._joiner = Joiner(topics.kind) if topics.accelerometer or _in_turns(topics) else None
         self._empty_mag = topics.mag is not None and _comes_empty(bag, topics.mag)
@@ -240,17 +227,13 @@ class RecordingStream:
     ----------
     names : sequence of str
         Topics of the recording; one half of an IMU also includes the other half.
-
-    Attributes
-    ----------
-    names : list of str
-        Resulting topics: the halves of an IMU become one topic, the topic of the gyro.
     """
 
     def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings) -> None:
         self._bag, self.given = bag, given
         self._wells = [InputStream(bag, topics, given) for topics in _wells(bag, given)]
         halves = {name: one.topics.imu for one in self._wells if (name := one.topics.accelerometer) is not None}
+        #: Resulting topics: the halves of an IMU become one topic, the topic of the gyro.
         self.names = list(dict.fromkeys(halves.get(name, name) for name in names))
         both = [name for name, gyro in halves.items() if gyro in self.names]
         units = {name for well in self._wells for name in _units(well.topics)}

@@ -30,8 +30,7 @@ from mwd_surface.surveys.recorded_settings import Recorded, SurfacePart
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 
-Arrived = tuple[Stamps, Samples]
-"""Times of messages in a recording, ns, and their samples."""
+Arrived = tuple[Stamps, Samples]  #: times of messages in a recording, ns, and their samples
 
 
 class ListBuilder:
@@ -48,16 +47,6 @@ class ListBuilder:
         Settings in the recording.
     frame : str
         Frame of the tool, which each survey names.
-
-    Attributes
-    ----------
-    depth : DepthTrack
-        Bit depth of the rig, as passed to `take_rig`, with the corrections of people.
-    surveys : SurveyList
-        The list so far.
-    as_live : bool
-        Whether the settings are those of the live list in the recording, so that the same list must result.
-    warnings : list of str
     """
 
     def __init__(
@@ -82,14 +71,15 @@ class ListBuilder:
         # The live depth of a survey is kept, unless the options give a table of depths, a topic of the rig, or a
         # distance from sensor to bit that differs from the distance in the recording.
         self._live_depths = not given.depths and not given.rig_topic and self.sensor_to_bit == known
+        #: Bit depth of the rig, as passed to `take_rig`, with the corrections of people.
         self.depth = DepthTrack(self._surface.depth)
         self._given_depths = given.depths
         self._rig_topic = topics.rig
         self._live_used = 0
-        # The settings are those of the live list, so the same list must result.
+        #: Whether the settings are those of the live list in the recording, so that the same list must result.
         self.as_live = self._live.last is not None and estimator == recorded.estimator
         self._changes = list(self._live.changes)
-        self.surveys = SurveyList()
+        self.surveys = SurveyList()  #: the list so far
         self.warnings: list[str] = list(recorded.remarks)
         if self._live.without_events:
             self.warnings.append(

@@ -78,15 +78,10 @@ class RecordedRequests:
         Log time before which requests are ignored.
     with_field : bool
         Whether to use a reference field given in the recording; false if the user asks for another one.
-
-    Attributes
-    ----------
-    remarks : list of str
-        Sentences on requests that are not repeated.
     """
 
     def __init__(self, bag: Bag, namespace: str, begin_ns: int, *, with_field: bool) -> None:
-        self.remarks: list[str] = []
+        self.remarks: list[str] = []  #: sentences on requests that are not repeated
         self._waiting: list[RecordedRequest] = []
         about = bag.topics.get(f"{namespace}{EVENTS}")
         if about is None or about.type_name != EVENT_TYPE:

@@ -30,23 +30,15 @@ class Rests:
     Counter of the intervals at rest, block by block, with the limits of a survey.
 
     settings : settings of static surveys.
-
-    Attributes
-    ----------
-    count : int or None
-        Number of intervals of at least the settling and averaging time; None if most half seconds have too few samples
-        to judge.
-    longest_s : float
-        Longest interval.
-    hidden_s : float
-        Longest interval in which the accelerometers show rest, and the gyro would show rest if its unit were deg/s.
     """
 
     def __init__(self, settings: SurveySettings) -> None:
         self._settings = settings
         self._needed_s = settings.settle_s + settings.duration_s
         self._count = self._half_seconds = self._sampled = 0
-        self.longest_s = self.hidden_s = 0.0
+        self.longest_s = 0.0  #: longest interval
+        #: Longest interval in which the accelerometers show rest, and the gyro would show rest if its unit were deg/s.
+        self.hidden_s = 0.0
         self._still_s = self._hiding_s = 0.0
         self._before = np.full(3, np.nan)
         self._open = np.empty(0, dtype=np.int64), np.empty((0, 6))

@@ -194,18 +194,11 @@ class Merger:
         Topic of the IMU; the estimates get the namespace of this topic and the log times of its messages.
     thinner : Thinner
         Thinner of attitude and gravity.
-
-    Attributes
-    ----------
-    remarks : list of str
-        Sentences on topics that have another name than usual.
-    frame : str
-        Frame of the estimates; set it before the first call of `take`.
     """
 
     def __init__(self, merged: MergedBag, imu_topic: str, thinner: Thinner) -> None:
-        self.remarks: list[str] = []
-        self.frame = wire.SONDE_FRAME
+        self.remarks: list[str] = []  #: sentences on topics that have another name than usual
+        self.frame = wire.SONDE_FRAME  #: frame of the estimates; set it before the first call of `take`
         self._thinner = thinner
         self._merged = merged
         namespace = imu_topic.removesuffix(_IMU) if imu_topic.endswith(_IMU) else imu_topic.rpartition("/")[0] + "/"

@@ -24,22 +24,13 @@ _FEW = 10  # smallest number of blocks for a drift
 
 
 class StreamTimes:
-    """
-    Times of the samples of a topic, read block by block.
-
-    Attributes
-    ----------
-    count, gaps, backwards : int
-        Number of samples, gaps, and stamps that do not advance.
-    first_ns, last_ns : int
-        First and last stamp; 0 before any sample.
-    longest_gap_s, gap_at_s : float
-        Length of the longest gap, and time from the first sample to the beginning of this gap.
-    """
+    """Times of the samples of a topic, read block by block."""
 
     def __init__(self) -> None:
+        #: Number of samples, gaps, and stamps that do not advance.
         self.count = self.gaps = self.backwards = 0
-        self.first_ns = self.last_ns = 0
+        self.first_ns = self.last_ns = 0  #: first and last stamp; 0 before any sample
+        #: Length of the longest gap, and time from the first sample to the beginning of this gap.
         self.longest_gap_s = self.gap_at_s = 0.0
         self._interval_s = self._burst_s = math.nan
         self._offsets: list[tuple[int, float]] = []

@@ -11,14 +11,13 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_surface.receiver.resampling import LARGEST
 
+#: Share of the usual pressure below which the pumps count as off; friction in a mud line falls faster than its flow.
 OFF = 0.25
-"""Share of the usual pressure below which the pumps count as off; friction in a mud line falls faster than its flow."""
 _ON = 0.4
 _FORGET_S = 3600.0
 # Averaging time before the pressure is judged; it makes the result independent of how the samples are cut.
 _BLOCK_S = 1.0
-SURVEY_S = 10.0
-"""Time at rest that a survey takes, s; after a longer time at rest the tool sends a new survey."""
+SURVEY_S = 10.0  #: time at rest that a survey takes, s; after a longer time at rest the tool sends a new survey
 # Lowest standpipe pressure of a drilling rig.
 _LEAST_PA = 1.0e6
 

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Array
 
-STEP_S = 5.0
-"""Largest step of time, forward or back, that needs no confirmation, s."""
+STEP_S = 5.0  #: largest step of time, forward or back, that needs no confirmation, s
+#: Longest gap over which a clock is believed to run on, s: no synchronisation with the tool lasts that long.
 LONGEST_GAP_S = 3600.0
-"""Longest gap over which a clock is believed to run on, s: no synchronisation with the tool lasts that long."""
 _MOST = 1e-3  # largest share of lone stamps; a larger share means two interleaved clocks
 
 

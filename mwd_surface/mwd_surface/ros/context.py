@@ -21,8 +21,7 @@ from mwd_surface.live.well_state import WellState
 
 # Work in threads.
 
-Answer = tuple[bool, str]
-"""Whether a request was carried out, and a message."""
+Answer = tuple[bool, str]  #: whether a request was carried out, and a message
 
 _Job = tuple[concurrent.futures.Future[Any], Callable[[Any], None]]
 _TIMEOUT_S = 12.0  # longest wait of another thread for the answer of the node, s

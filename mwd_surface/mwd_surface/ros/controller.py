@@ -21,15 +21,12 @@ class Controller:
         Name of the controller, shown to people.
     private_key : bytes, optional
         Key of 32 bytes. A controller that stores its key in a file has the same identity after a restart.
-
-    Attributes
-    ----------
-    lease : int
-        Lease number for set-points; 0: no lease. The caller sets the number from the answer to `ask`.
     """
 
     def __init__(self, node: Any, name: str, private_key: bytes | None = None) -> None:
-        self.name, self.lease, self.sequence = name, 0, 0
+        self.name, self.sequence = name, 0
+        #: Lease number for set-points; 0: no lease. The caller sets the number from the answer to `ask`.
+        self.lease = 0
         self._sealer = Sealer(private_key)
         self._request = node.create_client(srv.RequestControl, "request_control")
         self._release = node.create_client(srv.ReleaseControl, "release_control")

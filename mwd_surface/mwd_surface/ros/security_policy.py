@@ -13,8 +13,8 @@ from pathlib import Path
 
 import yaml
 
+#: Names of topics, services and actions by node and key of `KINDS`; a relative name is in the namespace of the well.
 Table = dict[str, dict[str, list[str]]]
-"""Names of topics, services and actions by node and key of `KINDS`; a relative name is in the namespace of the well."""
 
 # Element, attribute and inner element of the policy file for each kind of access.
 KINDS = {
@@ -25,8 +25,8 @@ KINDS = {
     "execute": ("actions", "execute", "action"),
     "call": ("actions", "call", "action"),
 }
+#: Profiles for clients that call services and read topics, as `ros2` and `mwd call` do, and for controllers.
 OPERATOR, CONTROLLER = "operator", "controller"
-"""Profiles for clients that call services and read topics, as `ros2` and `mwd call` do, and for controllers."""
 # Rights of a controller in addition to reading: to request and release control, and to send set-points.
 _CONTROL = {"publish": ["control/command"], "request": ["release_control", "request_control"], "call": []}
 _FILE = Path(__file__).with_name("security_policy.yaml")

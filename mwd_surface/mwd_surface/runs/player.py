@@ -116,14 +116,6 @@ class Player:
         Topics to play; None plays all.
     log_step : float
         Depth step of the logs, m.
-
-    Attributes
-    ----------
-    length_s : float
-        Length of the recording.
-    at_s : float
-        Time played so far, s after the first message.
-    well : LiveWell
     """
 
     def __init__(
@@ -141,7 +133,7 @@ class Player:
         self._only, self._log_step = only, log_step
         self._settings = settings or recorded_well(bag, namespace)
         self._said = frozenset(topic for topic in said if self._count(topic))
-        self.length_s = bag.duration_s
+        self.length_s = bag.duration_s  #: length of the recording
         self._begin()
 
     def _count(self, topic: str) -> int:
@@ -183,7 +175,7 @@ class Player:
         self._names = {full: topic for full, topic in topics.items() if full in self._bag.topics}
         self._messages: Iterator[Message] = self._bag.messages(list(self._names)) if self._names else iter(())
         self._next: Message | None = next(self._messages, None)
-        self.at_s = 0.0
+        self.at_s = 0.0  #: time played so far, s after the first message
 
     def _decode(self, topic: str, data: bytes) -> Any:
         return self._bag.decode(self._full(topic), data)

@@ -158,15 +158,6 @@ class SimulatedTool:
     sonde : Sonde
         Sonde whose scenario has telemetry.
 
-    Attributes
-    ----------
-    sent : list of Sent
-        All words that were transmitted.
-    surveys : list
-        Surveys from the estimator.
-    logs : list of LogSample
-        Samples of the log channels.
-
     Raises
     ------
     ValueError
@@ -182,9 +173,9 @@ class SimulatedTool:
         self._transmitters = [Transmitter(tool, transmit) for tool in sonde.scenario.telemetry.tools]
         self._logs = LogSampler(sonde.scenario.telemetry.tools[0].logged)
         self._done = 0.0
-        self.sent: list[Sent] = []
-        self.surveys: list[object] = []
-        self.logs: list[LogSample] = []
+        self.sent: list[Sent] = []  #: all words that were transmitted
+        self.surveys: list[object] = []  #: surveys from the estimator
+        self.logs: list[LogSample] = []  #: samples of the log channels
 
     @property
     def link(self) -> TelemetryLink:

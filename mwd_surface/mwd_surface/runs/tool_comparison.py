@@ -54,11 +54,11 @@ COMPARISON_COLUMNS = (
 
 @dataclasses.dataclass(frozen=True)
 class ToolDirection:
-    """Inclination and azimuth from true north of one tool, rad; sigma_azimuth: 1 sigma, rad; NaN if unknown."""
+    """Inclination and azimuth from true north of one tool, rad."""
 
     inclination: float
     azimuth: float
-    sigma_azimuth: float = math.nan
+    sigma_azimuth: float = math.nan  #: 1 sigma, rad; NaN if unknown
 
 
 @dataclasses.dataclass(frozen=True)

@@ -29,12 +29,12 @@ _ON_PAPER = 2  # decimals in printed reports
 
 
 class SignalSource(NamedTuple):
-    """Source of signals: topic or table, rate, and the rule for valid values; tool: whether the source is downhole."""
+    """Source of signals: topic or table, rate, and the rule for valid values."""
 
     brings: str
     rate: str
     validity: str
-    tool: bool = False
+    tool: bool = False  #: whether the source is downhole
 
 
 SOURCES: dict[str, SignalSource] = {

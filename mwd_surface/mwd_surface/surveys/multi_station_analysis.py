@@ -36,8 +36,7 @@ from mwd_sensors.core.frames import inclination
 
 # Least-squares problem: residuals of the stations of a run, and their derivatives.
 
-SENSORS = 12
-"""Number of sensor errors; the errors of the reference follow them."""
+SENSORS = 12  #: number of sensor errors; the errors of the reference follow them
 
 
 # 1 sigma of the prior of the axial interference, as a multiple of `SensorErrors.axial_interference_nt`. The filter of

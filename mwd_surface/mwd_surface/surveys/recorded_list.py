@@ -28,18 +28,18 @@ _SET_DEPTH, _ACCEPT, _REJECT = 8, 9, 10  # kinds of OperatorEvent.msg
 
 @dataclasses.dataclass(frozen=True)
 class DepthByHand:
-    """Bit depth, m, set by a person at `stamp_ns`; log_ns: time at which the message was recorded."""
+    """Bit depth, m, set by a person at `stamp_ns`."""
 
-    log_ns: int
+    log_ns: int  #: time at which the message was recorded
     stamp_ns: int
     bit_depth: float
 
 
 @dataclasses.dataclass(frozen=True)
 class Decided:
-    """Decision about a survey that a person made at `stamp_ns`; log_ns: time at which the message was recorded."""
+    """Decision about a survey that a person made at `stamp_ns`."""
 
-    log_ns: int
+    log_ns: int  #: time at which the message was recorded
     uuid: str
     judgement: int
     operator_name: str
@@ -72,9 +72,9 @@ class Decided:
 
 @dataclasses.dataclass(frozen=True)
 class Revised:
-    """New result of the estimator for a survey; log_ns: time at which the message was recorded."""
+    """New result of the estimator for a survey."""
 
-    log_ns: int
+    log_ns: int  #: time at which the message was recorded
     survey: Survey
 
 

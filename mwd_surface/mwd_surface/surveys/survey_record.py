@@ -66,11 +66,7 @@ class SurveyRecord(MessageRecord):
     interfaces use. `first` is the value as first decided, if it has been replaced. `revised` is the estimator's revised
     value from the whole run, if it was not made definitive because a person has decided or must still decide.
 
-    comment: remarks of the program, joined by "; ": reason for a missing depth, effects of a decision. Texts of people
-    are in `reason`.
-
-    decisions: all decisions, oldest first; the last one is in force. decided_revision: newest revision number at the
-    time of the last decision. Both are kept in the file of the list, but not in messages.
+    `decisions` and `decided_revision` are kept in the file of the list, but not in messages.
 
     The fields from `north` on are derived from the list and recomputed with it (m, rad/m; NaN unless `in_use`).
     """
@@ -88,11 +84,13 @@ class SurveyRecord(MessageRecord):
     in_use: bool = False
     leg: str = ""
     tool: str = ""
+    #: Remarks of the program, joined by "; ": reason for a missing depth, effects of a decision. Texts of people are in
+    #: `reason`.
     comment: str = ""
-    decisions: tuple[SurveyDecisionRecord, ...] = ()
+    decisions: tuple[SurveyDecisionRecord, ...] = ()  #: all decisions, oldest first; the last one is in force
     first: tuple[Survey, ...] = ()
     revised: tuple[Survey, ...] = ()
-    decided_revision: int = 0
+    decided_revision: int = 0  #: newest revision number at the time of the last decision
     north: Number = math.nan
     east: Number = math.nan
     vertical_depth: Number = math.nan

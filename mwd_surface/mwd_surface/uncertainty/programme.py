@@ -87,11 +87,11 @@ class TieOnErrors:
 
 @dataclasses.dataclass(frozen=True)
 class SurveyProgramme:
-    """Survey programme; name: name of the file, for messages."""
+    """Survey programme."""
 
     intervals: tuple[Interval, ...]
     tie_on: TieOnErrors = dataclasses.field(default_factory=TieOnErrors)
-    name: str = ""
+    name: str = ""  #: name of the file, for messages
 
     @classmethod
     def of_code(cls, code: str) -> SurveyProgramme:

@@ -27,7 +27,7 @@ UNIT_WORDS = {
 
 @dataclasses.dataclass(frozen=True)
 class Dialect:
-    """How a list is written; `positions`: whether vertical depth, north and east are in it."""
+    """How a list is written."""
 
     separator: str = ","
     decimal: str = "."
@@ -37,7 +37,7 @@ class Dialect:
     unit_word: str = "m"
     degree: str = "deg"
     language: str = "english"
-    positions: bool = True
+    positions: bool = True  #: whether vertical depth, north and east are in it
     empty_column: bool = False
     footer: bool = False
     page_break: bool = False

@@ -93,39 +93,22 @@ def drawn(seed: int) -> Run:
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """
-    Surveys of a run.
-
-    Attributes
-    ----------
-    run : Run
-    clean, at_steel : int
-        Stations away from steel and beside it.
-    accepted, accepted_at_steel : int
-        Of them.
-    beyond, beyond_at_steel : int
-        Of the accepted, with an azimuth more than 3 sigma off.
-    error : ndarray, shape (accepted,)
-        Of the azimuths accepted away from steel, rad.
-    best : float
-        Root mean square error, rad, of the single method that errs least away from steel.
-    method : str
-        Its name.
-    first_after : str
-        Verdict of the first station after steel.
-    """
+    """Surveys of a run."""
 
     run: Run
+    #: `clean`, `at_steel`: stations away from steel and beside it.
     clean: int
     at_steel: int
+    #: `accepted`, `accepted_at_steel`: accepted ones of these.
     accepted: int
     accepted_at_steel: int
+    #: `beyond`, `beyond_at_steel`: accepted ones with an azimuth more than 3 sigma off.
     beyond: int
     beyond_at_steel: int
-    error: Array
-    best: float
-    method: str
-    first_after: str
+    error: Array  #: shape (accepted,); error of the azimuths accepted away from steel, rad
+    best: float  #: root mean square error, rad, of the single method that errs least away from steel
+    method: str  #: name of this method
+    first_after: str  #: verdict of the first station after steel
 
 
 def outcome(run: Run) -> Outcome:

@@ -31,20 +31,17 @@ _SECOND, _AVERAGED, _SAMPLES = 10**9, 10 * 10**9, 1000
 
 @dataclasses.dataclass(frozen=True)
 class Judged:
-    """
-    Of one station, rad: azimuth error and 1 sigma as published, whether accepted; of the inclination.
-
-    undetermined: the attitude does not determine the azimuth, and the station is accepted for its inclination.
-    put_right: once its run was over, the estimator proposed a revision in which nothing beyond 3 sigma is accepted.
-    """
+    """Errors and 1 sigma, rad, of one station as published, and whether azimuth and inclination are accepted."""
 
     error: float
     sigma: float
     accepted: bool
+    #: Whether the attitude does not determine the azimuth, and the station is accepted for its inclination.
     undetermined: bool
     inclination_error: float
     inclination_sigma: float
     inclination_accepted: bool
+    #: Whether the estimator, after the run, proposed a revision in which nothing beyond 3 sigma is accepted.
     put_right: bool = False
 
     @property

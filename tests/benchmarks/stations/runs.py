@@ -59,39 +59,19 @@ class Gyro:
 
 @dataclasses.dataclass(frozen=True)
 class Kind:
-    """
-    A kind of run.
+    """A kind of run."""
 
-    Attributes
-    ----------
-    attitudes : callable
-        Inclination and azimuth of the hole, rad, shape (30,).
-    of_tool : Disturbance
-        Lasts all the run.
-    outside : callable or None
-        Field from outside at each station, north, east, down, T, shape (30, 3).
-    gyro : Gyro or None
-    twice : bool
-        The readings of each station come twice.
-    replayed : bool
-        At some stations the readings of an earlier one come again, though the tool has moved.
-    parts : dict of slice
-        What of the run is judged, by the words its row has.
-    of_string : callable or None
-        Field of the string at each station where it changes within the run, tool axes, T, shape (30, 3).
-    hours : ndarray, shape (30,)
-        When each station was taken, h.
-    """
-
-    attitudes: Attitudes
-    of_tool: Disturbance = disturbances.nothing
-    outside: Outside | None = None
+    attitudes: Attitudes  #: inclination and azimuth of the hole, rad, shape (30,)
+    of_tool: Disturbance = disturbances.nothing  #: disturbance that lasts for the whole run
+    outside: Outside | None = None  #: field from outside at each station, north, east, down, T, shape (30, 3)
     gyro: Gyro | None = None
-    twice: bool = False
-    replayed: bool = False
+    twice: bool = False  #: the readings of each station come twice
+    replayed: bool = False  #: at some stations the readings of an earlier one come again, though the tool has moved
+    #: What of the run is judged, by the words its row has.
     parts: dict[str, slice] = dataclasses.field(default_factory=lambda: {"": slice(None)})
+    #: Field of the string at each station where it changes within the run, tool axes, T, shape (30, 3).
     of_string: OfString | None = None
-    hours: Array = dataclasses.field(default_factory=_HOURS.copy)
+    hours: Array = dataclasses.field(default_factory=_HOURS.copy)  #: shape (30,); time of each station, h
 
 
 def _curve(rng: np.random.Generator) -> tuple[Array, Array]:

@@ -29,28 +29,17 @@ FORCE_NOISE, FIELD_NOISE = 0.001, 10e-9
 
 @dataclasses.dataclass(frozen=True)
 class Tool:
-    """
-    One tool in one assembly: what errs alike at all its stations.
+    """One tool in one assembly: what errs alike at all its stations."""
 
-    Attributes
-    ----------
-    force_bias, force_scale, field_bias, field_scale : ndarray, shape (3,)
-        m/s^2, plain, T, plain; interference of the string is part of the field's bias.
-    mount : ndarray, shape (3, 3)
-        Turn of the accelerometers in their mount.
-    misalignment : ndarray, shape (2,)
-        Of the tool in the hole, rad.
-    sag : float
-        In a horizontal hole, rad.
-    """
-
+    #: `force_bias`, `force_scale`, `field_bias`, `field_scale`: shape (3,); m/s^2, plain, T, plain. Interference of the
+    #: string is part of the field's bias.
     force_bias: Array
     force_scale: Array
     field_bias: Array
     field_scale: Array
-    mount: Array
-    misalignment: Array
-    sag: float
+    mount: Array  #: shape (3, 3); turn of the accelerometers in their mount
+    misalignment: Array  #: shape (2,); misalignment of the tool in the hole, rad
+    sag: float  #: sag in a horizontal hole, rad
 
     def read(self, f_t: Array, b_t: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """Readings of true specific force, m/s^2, and field, T, shape (3,)."""

@@ -104,12 +104,11 @@ def run_logged(
     gyro_t: ArrayLike,
     accel_t: ArrayLike,
     clipped: ArrayLike | None = None,
-    mag: MagneticSamples | None = None,
 ) -> tuple[Track, Log]:
-    """Return gravity of a block as `run` does, and the log of the block for a smoother."""
+    """Return gravity of a block as `run` does without a field, and the log of the block for a smoother."""
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     log = Log.room(len(stamps))
-    return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), mag, log), log
+    return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), None, log), log
 
 
 def _follow(

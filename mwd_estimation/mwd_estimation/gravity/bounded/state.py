@@ -40,124 +40,88 @@ DOWN_SIGMA = 0.05
 class UpdateSums:
     """Integrals over the samples since the last update."""
 
-    time: float
-    """Duration, s."""
-    bias: Annotated[Array, 2, 3]
-    """Integral of the level rows of C, s."""
-    scale: Annotated[Array, 2]
-    """Integral of the level components of the x rate, rad."""
-    askew: Annotated[Array, 2, 2]
-    """Integral of the level rows of C (columns y and z) times the x rate, rad."""
-    force: Annotated[Array, 3]
-    """Integral of the specific force in level axes, m/s."""
-    velocity: Annotated[Array, 3]
-    """Integral of the acceleration in level axes, m/s."""
-    position: Annotated[Array, 3]
-    """Integral of `velocity`, m."""
-    turn: float
-    """Variance added to the tilt by errors proportional to the rates, rad^2."""
-    jump: float
-    """Variance added to the velocity by missing samples, (m/s)^2."""
+    time: float  #: duration, s
+    bias: Annotated[Array, 2, 3]  #: integral of the level rows of C, s
+    scale: Annotated[Array, 2]  #: integral of the level components of the x rate, rad
+    askew: Annotated[Array, 2, 2]  #: integral of the level rows of C (columns y and z) times the x rate, rad
+    force: Annotated[Array, 3]  #: integral of the specific force in level axes, m/s
+    velocity: Annotated[Array, 3]  #: integral of the acceleration in level axes, m/s
+    position: Annotated[Array, 3]  #: integral of `velocity`, m
+    turn: float  #: variance added to the tilt by errors proportional to the rates, rad^2
+    jump: float  #: variance added to the velocity by missing samples, (m/s)^2
 
 
 class MotionAverages:
     """Averages of the motion since the last start."""
 
-    force: Annotated[Array, 3]
-    """Mean specific force over some seconds, level axes, m/s^2."""
-    force_time: float
-    """Time since the average of `force` began, at a start or after a data gap, s."""
-    slow_acceleration: Annotated[Array, 3]
-    """Low-passed acceleration, which the first high-pass removes, m/s^2."""
-    velocity: Annotated[Array, 3]
-    """Velocity after two high-passes, m/s."""
-    position: Annotated[Array, 3]
-    """Displacement after three high-passes, m."""
+    force: Annotated[Array, 3]  #: mean specific force over some seconds, level axes, m/s^2
+    force_time: float  #: time since the average of `force` began, at a start or after a data gap, s
+    slow_acceleration: Annotated[Array, 3]  #: low-passed acceleration, which the first high-pass removes, m/s^2
+    velocity: Annotated[Array, 3]  #: velocity after two high-passes, m/s
+    position: Annotated[Array, 3]  #: displacement after three high-passes, m
+    #: Low-passed part of the lever arm in level axes that each of the three high-passes removes, m.
     arm: Annotated[Array, 3, 3]
-    """Low-passed part of the lever arm in level axes that each of the three high-passes removes, m."""
-    along: float
-    """Mean square displacement along the hole, m^2."""
-    across: float
-    """Mean square displacement across the hole, m^2."""
-    white: float
-    """Part of `along` and of `across` that white force explains, m^2."""
-    folded_aside: float
-    """Mean square displacement across the hole over a longer time, m^2."""
+    along: float  #: mean square displacement along the hole, m^2
+    across: float  #: mean square displacement across the hole, m^2
+    white: float  #: part of `along` and of `across` that white force explains, m^2
+    folded_aside: float  #: mean square displacement across the hole over a longer time, m^2
+    #: Mean square displacement that white force of density `rough` causes, averaged like `folded_aside`, m^2.
     folded: float
-    """Mean square displacement that white force of density `rough` causes, averaged like `folded_aside`, m^2."""
+    #: Spectral density of the force, assumed white, from differences of neighbouring samples, (m/s^2)^2 s.
     rough: float
-    """Spectral density of the force, assumed white, from differences of neighbouring samples, (m/s^2)^2 s."""
-    swing: Annotated[Array, 3]
-    """Sum of the x rates of point samples after one, two and three high-passes, rad."""
+    swing: Annotated[Array, 3]  #: sum of the x rates of point samples after one, two and three high-passes, rad
+    #: Mean square of the last element of `swing`: of the part of the roll that aliasing may have caused, rad^2.
     ripple: float
-    """Mean square of the last element of `swing`: of the part of the roll that aliasing may have caused, rad^2."""
 
 
 class CovarianceScale:
     """Covariance scale in one direction: tilt corrections compared with their expected variance."""
 
+    #: Corrections over their expected sigma, low-passed one to three times with the filter's own time constant.
     low: Annotated[Array, 3, 2]
-    """Corrections over their expected sigma, low-passed one to three times with the filter's own time constant."""
-    power: float
-    """Power of the corrections by equation (8); it is the scale, and its expected value is 1."""
-    moved: Annotated[Array, 2]
-    """Sum of the corrections about level x and y, with the memory of the filter, rad."""
-    expected: float
-    """Variance of `moved` in the direction of the scale if the covariance is right, rad^2."""
-    event: float
-    """Variance of the tilt by which recent corrections exceed chance, equation (20), rad^2."""
+    power: float  #: power of the corrections by equation (8); it is the scale, and its expected value is 1
+    moved: Annotated[Array, 2]  #: sum of the corrections about level x and y, with the memory of the filter, rad
+    expected: float  #: variance of `moved` in the direction of the scale if the covariance is right, rad^2
+    event: float  #: variance of the tilt by which recent corrections exceed chance, equation (20), rad^2
 
 
 class Innovations:
     """Statistics of the innovations since the last start."""
 
-    along: CovarianceScale
-    """Scale along the hole, for inclination."""
-    across: CovarianceScale
-    """Scale across the hole, for toolface."""
-    usual: float
-    """Running mean of the squared innovation over its variance."""
-    slow: Annotated[Array, 3]
-    """Low-passed ratio of innovation to sigma, for each tool axis."""
+    along: CovarianceScale  #: scale along the hole, for inclination
+    across: CovarianceScale  #: scale across the hole, for toolface
+    usual: float  #: running mean of the squared innovation over its variance
+    slow: Annotated[Array, 3]  #: low-passed ratio of innovation to sigma, for each tool axis
+    #: Spectral density of the innovations at low frequencies, for each tool axis; 1 if they have the expected size.
     density: Annotated[Array, 3]
-    """Spectral density of the innovations at low frequencies, for each tool axis; 1 if they have the expected size."""
 
 
 class Clipping:
     """State while the x gyro is at the end of its range."""
 
-    sign: float
-    """Sign of the clipped rate; 0 if it is not clipped."""
-    time: float
-    """Duration of clipping, s."""
-    seen: bool
-    """Whether a rotation about the axis was lost since the last start, by clipping or by missing samples."""
-    tilt: float
-    """Variance of the tilt that changes inclination, set aside during clipping, rad^2."""
-    slope: float
-    """Low-passed slope of the x rate before clipping, rad/s^2."""
-    curve: float
-    """Low-passed rate of change of `slope`, rad/s^3."""
+    sign: float  #: sign of the clipped rate; 0 if it is not clipped
+    time: float  #: duration of clipping, s
+    seen: bool  #: whether a rotation about the axis was lost since the last start, by clipping or by missing samples
+    tilt: float  #: variance of the tilt that changes inclination, set aside during clipping, rad^2
+    slope: float  #: low-passed slope of the x rate before clipping, rad/s^2
+    curve: float  #: low-passed rate of change of `slope`, rad/s^3
+    #: Covariance of the sensor errors, set aside during clipping.
     kept: Annotated[Array, MISSING - BIAS, MISSING - BIAS]
-    """Covariance of the sensor errors, set aside during clipping."""
 
 
 class Turn:
     """Rotation about the axis at one sample."""
 
-    stamp_ns: int
-    """Stamp of the sample, ns."""
-    turn: float
-    """Value of `BoundedRecord.turn` at the sample, rad."""
+    stamp_ns: int  #: stamp of the sample, ns
+    turn: float  #: value of `BoundedRecord.turn` at the sample, rad
 
 
 class AccelerometerErrors:
     """Influence of the errors of the accelerometers on the level frame (`accelerometer_errors`)."""
 
+    #: Change of the mean force along level x and y per unit of each of the ACCEL errors; m/s^2 (1 for biases).
     influence: Annotated[Array, 2, ACCEL]
-    """Change of the mean force along level x and y per unit of each of the ACCEL errors; m/s^2 (1 for biases)."""
-    age: float
-    """Time over which the influence was averaged, s."""
+    age: float  #: time over which the influence was averaged, s
 
 
 class TurnRing(Ring):
@@ -169,68 +133,44 @@ class TurnRing(Ring):
 class Field:
     """State of the estimate of the roll from the magnetic field."""
 
-    turns: TurnRing
-    """Rotation about the axis at the last samples."""
-    stamp_ns: int
-    """Stamp of the newest magnetic sample that may be used, ns."""
-    b_t: Annotated[Array, 3]
-    """Field of the newest magnetic sample that may be used, in tool axes, T."""
-    last_ns: int
-    """Stamp of the last magnetic sample that was compared with the roll, ns."""
-    since_ns: int
-    """Stamp from which the rotation about the axis is known without a break, ns."""
-    used: int
-    """Number of magnetic samples of the last block that were used."""
-    angle: float
-    """Angle from the field to gravity across the axis, rad."""
-    variance: float
-    """Variance of `angle`, rad^2; 0 if the angle is unknown."""
-    strength: float
-    """Mean strength of the field across the axis, T."""
+    turns: TurnRing  #: rotation about the axis at the last samples
+    stamp_ns: int  #: stamp of the newest magnetic sample that may be used, ns
+    b_t: Annotated[Array, 3]  #: field of the newest magnetic sample that may be used, in tool axes, T
+    last_ns: int  #: stamp of the last magnetic sample that was compared with the roll, ns
+    since_ns: int  #: stamp from which the rotation about the axis is known without a break, ns
+    used: int  #: number of magnetic samples of the last block that were used
+    angle: float  #: angle from the field to gravity across the axis, rad
+    variance: float  #: variance of `angle`, rad^2; 0 if the angle is unknown
+    strength: float  #: mean strength of the field across the axis, T
 
 
 class Meaning:
     """Kind of the samples: values at an instant, means or integrals over the interval (`sample_meaning`)."""
 
-    sampled: bool
-    """Whether rates are values at an instant; they are integrated by the trapezoid."""
-    coning: float
-    """Share of the coning term, see `BoundedParams.coning`."""
+    sampled: bool  #: whether rates are values at an instant; they are integrated by the trapezoid
+    coning: float  #: share of the coning term, see `BoundedParams.coning`
+    #: Present errors of the state if the samples are points while integrated samples are assumed.
     effect: Annotated[Array, STEADY, 1]
-    """Present errors of the state if the samples are points while integrated samples are assumed."""
-    odds: float
-    """Natural logarithm of the odds of points against integrated samples."""
-    changed: bool
-    """Whether the data have changed the kind of the samples stated in the settings."""
+    odds: float  #: natural logarithm of the odds of points against integrated samples
+    changed: bool  #: whether the data have changed the kind of the samples stated in the settings
 
 
 class Update:
     """Trace of one update of the covariance, for the smoother and for the search for a jump (`jumps`)."""
 
-    sample: int
-    """Index of the sample at which the update was made."""
-    epoch: int
-    """Epoch of the update (`BoundedRecord.epoch`); -1 while the x gyro clips."""
-    sums: UpdateSums
-    """Sums over the interval that ends with the update."""
-    measured: Annotated[Array, 3, STEADY]
-    """Rows of the measurement matrix H, one for each tool axis."""
-    gain: Annotated[Array, 3, STEADY]
-    """Gains of the three measurements."""
-    innovation: Annotated[Array, 3]
-    """Innovations of the three measurements, m."""
-    spread: Annotated[Array, 3]
-    """Variances of the innovations, m^2."""
+    sample: int  #: index of the sample at which the update was made
+    epoch: int  #: epoch of the update (`BoundedRecord.epoch`); -1 while the x gyro clips
+    sums: UpdateSums  #: sums over the interval that ends with the update
+    measured: Annotated[Array, 3, STEADY]  #: rows of the measurement matrix H, one for each tool axis
+    gain: Annotated[Array, 3, STEADY]  #: gains of the three measurements
+    innovation: Annotated[Array, 3]  #: innovations of the three measurements, m
+    spread: Annotated[Array, 3]  #: variances of the innovations, m^2
+    #: Variances of the innovations times their density (`Innovations.density`), m^2; scratch space of `jumps`.
     evidence: Annotated[Array, 3]
-    """Variances of the innovations times their density (`Innovations.density`), m^2; scratch space of `jumps`."""
-    correction: Annotated[Array, 2]
-    """Tilt applied to the attitude, rad."""
-    tilt: Annotated[Array, 2, STEADY]
-    """Covariance of the tilt with all errors after the measurements."""
-    factors: Annotated[Array, 2]
-    """Factors on the tilt variance, along and across the hole."""
-    floors: Annotated[Array, 2]
-    """Variances that are added to the tilt, along and across the hole, rad^2."""
+    correction: Annotated[Array, 2]  #: tilt applied to the attitude, rad
+    tilt: Annotated[Array, 2, STEADY]  #: covariance of the tilt with all errors after the measurements
+    factors: Annotated[Array, 2]  #: factors on the tilt variance, along and across the hole
+    floors: Annotated[Array, 2]  #: variances that are added to the tilt, along and across the hole, rad^2
 
 
 class RecentUpdates(Ring):
@@ -242,38 +182,24 @@ class RecentUpdates(Ring):
 class BoundedRecord:
     """State of the bounded filter, which the kernels change."""
 
-    q: Annotated[Array, 4]
-    """Quaternion from tool to level axes (x, y, z, w); the heading is arbitrary."""
-    C: Annotated[Array, 3, 3]
-    """Rotation matrix from tool to level axes."""
-    vel: Annotated[Array, 3]
-    """Velocity of the sensor, level axes (x, y, down), m/s."""
-    pos: Annotated[Array, 3]
-    """Displacement of the sensor, level axes, m."""
-    bias: Annotated[Array, 3]
-    """Gyro bias, tool axes, rad/s."""
-    scale: float
-    """Scale error of the x gyro."""
-    askew: Annotated[Array, 2]
-    """Share of the x rate that the y and z gyros read."""
+    q: Annotated[Array, 4]  #: quaternion from tool to level axes (x, y, z, w); the heading is arbitrary
+    C: Annotated[Array, 3, 3]  #: rotation matrix from tool to level axes
+    vel: Annotated[Array, 3]  #: velocity of the sensor, level axes (x, y, down), m/s
+    pos: Annotated[Array, 3]  #: displacement of the sensor, level axes, m
+    bias: Annotated[Array, 3]  #: gyro bias, tool axes, rad/s
+    scale: float  #: scale error of the x gyro
+    askew: Annotated[Array, 2]  #: share of the x rate that the y and z gyros read
+    #: Position of the sensor relative to the point that moves least, y and z, m. The axial part is not observable.
     lever: Annotated[Array, 2]
-    """Position of the sensor relative to the point that moves least, y and z, m. The axial part is not observable."""
+    #: Error of the vertical force, from the magnitude of gravity and the scale of the accelerometers, m/s^2.
     down: float
-    """Error of the vertical force, from the magnitude of gravity and the scale of the accelerometers, m/s^2."""
-    missing: float
-    """Part of the x rate that a clipping gyro does not measure, rad/s."""
-    slope: float
-    """Slope of the missing rate, rad/s^2."""
-    P: Annotated[Array, ERRORS, ERRORS]
-    """Covariance of the errors."""
-    correction: Annotated[Array, ERRORS]
-    """Errors found by the last update."""
-    work: Annotated[Array, ERRORS]
-    """Covariance of the errors with the last measurement, P h'."""
-    innovation: float
-    """Innovation of the last measurement, m."""
-    spread: float
-    """Variance of the innovation of the last measurement, m^2."""
+    missing: float  #: part of the x rate that a clipping gyro does not measure, rad/s
+    slope: float  #: slope of the missing rate, rad/s^2
+    P: Annotated[Array, ERRORS, ERRORS]  #: covariance of the errors
+    correction: Annotated[Array, ERRORS]  #: errors found by the last update
+    work: Annotated[Array, ERRORS]  #: covariance of the errors with the last measurement, P h'
+    innovation: float  #: innovation of the last measurement, m
+    spread: float  #: variance of the innovation of the last measurement, m^2
     sums: UpdateSums
     motion: MotionAverages
     innovations: Innovations
@@ -282,60 +208,37 @@ class BoundedRecord:
     meaning: Meaning
     accelerometer: AccelerometerErrors
     recent: RecentUpdates
+    #: Sum over the tool axes of the squared low-passed innovation over its usual square; about 3 without a jump.
     surprise: float
-    """Sum over the tool axes of the squared low-passed innovation over its usual square; about 3 without a jump."""
+    #: Covariance of the tilt (level x, y) from jumps that are possible but not certain (`jumps`), rad^2.
     doubt: Annotated[Array, 2, 2]
-    """Covariance of the tilt (level x, y) from jumps that are possible but not certain (`jumps`), rad^2."""
+    #: Variance of each gyro bias after its steps were found, in addition to the variance at switch-on, (rad/s)^2.
     stepped: Annotated[Array, 3]
-    """Variance of each gyro bias after its steps were found, in addition to the variance at switch-on, (rad/s)^2."""
-    gyro_step: float
-    """Time since a step of the gyro bias that the last update has revealed, s; 0 if there was none."""
-    turn: float
-    """Rotation about the axis since the first sample, rad."""
-    started: bool
-    """Whether the filter has an attitude."""
-    epoch: int
-    """Number of starts and bridged gaps; the smoother does not smooth across a change of this number."""
-    age: float
-    """Time since the start of averaging, s."""
-    settled: float
-    """Time since the first attitude, s."""
-    mean: Annotated[Array, 3]
-    """Integral of the force in level axes during a start, m/s."""
-    mean_power: float
-    """Integral of the squared force during a start, (m/s^2)^2 s."""
-    kept_down: float
-    """Cosine of the inclination that a restart of the roll keeps."""
-    kept_tilt: float
-    """Variance of the kept inclination, rad^2; 0 if no inclination is kept."""
-    last_w: Annotated[Array, 3]
-    """Rates of the last sample, rad/s."""
-    last_f: Annotated[Array, 3]
-    """Force of the last sample, m/s^2."""
-    tick_w: Annotated[Array, 3]
-    """Rates at the last update, rad/s."""
-    period: float
-    """Usual step between stamps, s."""
-    turning: float
-    """Mean magnitude of the rate about the axis, rad/s."""
+    gyro_step: float  #: time since a step of the gyro bias that the last update has revealed, s; 0 if there was none
+    turn: float  #: rotation about the axis since the first sample, rad
+    started: bool  #: whether the filter has an attitude
+    epoch: int  #: number of starts and bridged gaps; the smoother does not smooth across a change of this number
+    age: float  #: time since the start of averaging, s
+    settled: float  #: time since the first attitude, s
+    mean: Annotated[Array, 3]  #: integral of the force in level axes during a start, m/s
+    mean_power: float  #: integral of the squared force during a start, (m/s^2)^2 s
+    kept_down: float  #: cosine of the inclination that a restart of the roll keeps
+    kept_tilt: float  #: variance of the kept inclination, rad^2; 0 if no inclination is kept
+    last_w: Annotated[Array, 3]  #: rates of the last sample, rad/s
+    last_f: Annotated[Array, 3]  #: force of the last sample, m/s^2
+    tick_w: Annotated[Array, 3]  #: rates at the last update, rad/s
+    period: float  #: usual step between stamps, s
+    turning: float  #: mean magnitude of the rate about the axis, rad/s
+    #: Low-passed horizontal components (level x, y) of the unit vector along the tool axis.
     slow_axis: Annotated[Array, 2]
-    """Low-passed horizontal components (level x, y) of the unit vector along the tool axis."""
-    rate_walk: Annotated[Array, 2]
-    """Growth rate of the variance of the rates along and across the axis, (rad/s)^2/s."""
-    power: float
-    """Usual square of the acceleration, (m/s^2)^2."""
-    since_shock: float
-    """Time since the last shock, s."""
-    shock_time: float
-    """Duration of the present shock, s; 0 if there is none."""
-    shocks: float
-    """Number of recent shocks, decaying exponentially."""
-    g_t: Annotated[Array, 3]
-    """Published gravity, unit vector down, tool axes."""
-    sigma_inclination: float
-    """Published sigma of inclination, rad."""
-    sigma_toolface: float
-    """Published sigma of toolface, rad."""
+    rate_walk: Annotated[Array, 2]  #: growth rate of the variance of the rates along and across the axis, (rad/s)^2/s
+    power: float  #: usual square of the acceleration, (m/s^2)^2
+    since_shock: float  #: time since the last shock, s
+    shock_time: float  #: duration of the present shock, s; 0 if there is none
+    shocks: float  #: number of recent shocks, decaying exponentially
+    g_t: Annotated[Array, 3]  #: published gravity, unit vector down, tool axes
+    sigma_inclination: float  #: published sigma of inclination, rad
+    sigma_toolface: float  #: published sigma of toolface, rad
 
 
 RECORD, UPDATE = dtype_of(BoundedRecord), dtype_of(Update)

@@ -161,10 +161,6 @@ class Session:
         Folder whose disk is watched.
     event_topic : str
         Topic for events.
-
-    Attributes
-    ----------
-    state : RecorderState
     """
 
     def __init__(

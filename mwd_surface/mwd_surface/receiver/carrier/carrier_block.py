@@ -174,15 +174,12 @@ class BlockDecoder:
         begin = PER_SYMBOL * BEFORE
         return np.convolve(impulses, shape)[begin : begin + self.rows]
 
-    def _trains(self, mean: Complex) -> Complex:
-        """Return the envelope of all symbols through each component of the response; shape (rows, c)."""
-        return np.stack([self._sent(mean, one) for one in _basis()], axis=1)
-
     def _channel(
         self, data: BlockData, mean: Complex, variance: Array, taps: Complex, weight: Array
     ) -> tuple[Complex, Complex]:
         """Return the estimated response to one symbol, shape (_LAGS,), and the sum of the lines, shape (rows,)."""
-        columns = np.concatenate([self._trains(mean), data.lines], axis=1)
+        # Envelope of all symbols through each component of the response, and the lines.
+        columns = np.concatenate([np.stack([self._sent(mean, one) for one in _basis()], axis=1), data.lines], axis=1)
         left = filtered(columns, taps)
         right = filtered(data.envelope, taps)
         # Uncertain symbols act as noise of their own size in the estimate of the response, but still show the lines.
@@ -265,16 +262,15 @@ class BlockDecoder:
         For DPSK both come from the estimate and its precision.
         """
         mean, variance = np.zeros(self._count, dtype=complex), np.ones(self._count)
-        mean[self._marker], variance[self._marker] = air.marker(), _KNOWN
+        inside = slice(MARGIN, self._count - MARGIN)
         if self._carrier.modulation == "qpsk":
             soft = np.tanh(0.5 * ratios) / math.sqrt(2.0)
             mean[self._places] = soft[0::2] + 1j * soft[1::2]
         elif self._carrier.modulation == "bpsk":
             mean[self._places] = np.tanh(0.5 * ratios)
         else:
-            mean[MARGIN:-MARGIN] = np.tanh(2.0 * precision * estimate.real)[MARGIN:-MARGIN]
-            mean[self._marker] = air.marker()
-        inside = slice(MARGIN, self._count - MARGIN)
+            mean[inside] = np.tanh(2.0 * precision * estimate.real)[inside]
+        mean[self._marker] = air.marker()
         variance[inside] = np.maximum(1.0 - np.abs(mean[inside]) ** 2, _KNOWN)
         return mean, variance
 

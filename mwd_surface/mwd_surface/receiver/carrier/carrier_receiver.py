@@ -244,7 +244,7 @@ class CarrierReceiver(SampledReceiver):
             return
         self._pass = None
         self._lock = _Lock(middle - self._half * found, found, block[0], decision.taps)
-        self._received(done, self._lock, block, decision, odds_of_marker(score) / tries)
+        self._report(done, self._lock, block[1], decision, odds_of_marker(score) / tries)
 
     def _follow(self, lock: _Lock, done: Reception) -> None:
         """
@@ -263,7 +263,7 @@ class CarrierReceiver(SampledReceiver):
             if not present or lock.lost > _MOST_LOST:
                 self._unlock(lock, done)
                 return
-            self._missed(done, lock, decision)
+            self._report(done, lock, None, decision)
             return
         # Average the symbol length over the blocks since the lock, or with a weight of 0.2 for each new block.
         gain = max(1.0 / (lock.blocks + 1), 0.2)
@@ -271,34 +271,34 @@ class CarrierReceiver(SampledReceiver):
         lock.start = middle - self._half * lock.symbol
         lock.taps, lock.name, lock.lost = decision.taps, block[0], 0
         lock.blocks += 1
-        self._received(done, lock, block, decision, ODDS_EXPECTED / tries)
+        self._report(done, lock, block[1], decision, ODDS_EXPECTED / tries)
 
-    def _received(
-        self, done: Reception, lock: _Lock, block: tuple[BlockName, bytes], decision: BlockDecision, odds: float
+    def _report(
+        self, done: Reception, lock: _Lock, data: bytes | None, decision: BlockDecision, odds: float = 0.0
     ) -> None:
-        name, data = block
-        span = self._span(lock)
-        done.frames += self._next_pass(name, span[0], decision.ebn0_db)
-        done.words += believed(self._tool, (name, self._frame), data, odds, span)
-        self._advance_lock(lock, span, good=True)
+        """
+        Report the words of the block at the lock, and move the lock to the next block.
 
-    def _missed(self, done: Reception, lock: _Lock, decision: BlockDecision) -> None:
-        """Report the words of a block whose check fails as erased, with the probabilities from the decoder."""
-        span = self._span(lock)
-        done.frames += self._next_pass(lock.name, span[0], decision.ebn0_db)
-        if self._pass is not None:
-            self._pass.failed += 1
-        done.words += erased(self._tool, (lock.name, self._frame), decision.bits, span)
-        self._advance_lock(lock, span, good=False)
-
-    def _advance_lock(self, lock: _Lock, span: tuple[float, float], good: bool) -> None:
-        lock.start += self._carrier.block_symbols * lock.symbol
-        lock.name = following(self._tool, lock.name)
+        data: bytes of the block; None if its check fails: then its words are erased, with the probabilities from the
+        decoder. odds: as in `believed`.
+        """
+        end = lock.start + self._carrier.block_symbols * lock.symbol
+        span = float(self._grid.seconds(lock.start)), float(self._grid.seconds(end))
+        now = self._pass
+        if now is not None and (lock.name[:2] != now.name[:2] or lock.name.place <= now.name.place):
+            done.frames += self._end_pass("")
+            now = None
+        now = self._pass = now or _Pass(lock.name, span[0])
+        now.name, now.end_s = lock.name, span[1]
+        now.ebn0.append(decision.ebn0_db)
+        if data is None:
+            now.failed += 1
+            done.words += erased(self._tool, (lock.name, self._frame), decision.bits, span)
+        else:
+            lock.good_end = end
+            done.words += believed(self._tool, (lock.name, self._frame), data, odds, span)
+        lock.start, lock.name = end, following(self._tool, lock.name)
         self._clock_error = lock.symbol / self._band.symbol - 1.0
-        if good:
-            lock.good_end = lock.start
-        if self._pass is not None:
-            self._pass.end_s = span[1]
 
     def _unlock(self, lock: _Lock, done: Reception) -> None:
         """Give up tracking and search again from the end of the last good block."""
@@ -307,21 +307,6 @@ class CarrierReceiver(SampledReceiver):
             self._beside_line("no carrier any more: flow off, too weak, or the tool began anew")
         )
         self._hop = max(math.floor((lock.good_end - self._band.symbol) / self._hop_steps), 0)
-
-    def _span(self, lock: _Lock) -> tuple[float, float]:
-        end = lock.start + self._carrier.block_symbols * lock.symbol
-        return float(self._grid.seconds(lock.start)), float(self._grid.seconds(end))
-
-    def _next_pass(self, name: BlockName, start_s: float, ebn0_db: float) -> list[FrameReport]:
-        """Add a block to its pass; return the report of the last pass if the block begins another one, else none."""
-        last, ended = self._pass, []
-        if last is not None and (name[:2] != last.name[:2] or name.place <= last.name.place):
-            ended = self._end_pass("")
-        if self._pass is None:
-            self._pass = _Pass(name, start_s)
-        self._pass.name = name
-        self._pass.ebn0.append(ebn0_db)
-        return ended
 
     def _end_pass(self, reason: str) -> list[FrameReport]:
         last, self._pass = self._pass, None

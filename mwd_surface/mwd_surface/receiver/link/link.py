@@ -49,11 +49,11 @@ _NO_INPUT = {
 
 @dataclasses.dataclass(frozen=True)
 class Quality:
-    """State of a link; fields as in mwd_msgs/LinkQuality; needed_db: Eb/N0 below which most words fail."""
+    """State of a link; fields as in mwd_msgs/LinkQuality."""
 
     state: int
     reason: str
-    needed_db: float = NEEDED_DB
+    needed_db: float = NEEDED_DB  #: Eb/N0 below which most words fail
     ebn0_db: float = math.nan
     clock_error: float = math.nan
     word_error: float = math.nan

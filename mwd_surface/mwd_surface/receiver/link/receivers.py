@@ -17,8 +17,7 @@ from mwd_surface.receiver.words import Reception
 class Receiver(Protocol):
     """Interface of a receiver: samples (Pa, V or bytes) in, words out, independent of the cut into blocks."""
 
-    last_sync_s: float
-    """Begin of the last sync, marker or frame found, s; -inf before the first."""
+    last_sync_s: float  #: begin of the last sync, marker or frame found, s; -inf before the first
 
     def push(self, time_s: Array, value: Array, /) -> Reception:
         """Add samples, shape (n,) each; return the words and frames that they complete."""

@@ -46,32 +46,17 @@ class PulsePlace(NamedTuple):
 
 @dataclasses.dataclass
 class DecodedWord:
-    """
-    A decoded word of a pass, as estimated so far.
-
-    Attributes
-    ----------
-    rows : ndarray, shape (k, 5)
-        Packets of the word, as in `trellis.forward_backward`.
-    at, length : int
-        First sample of the word in the transmission; duration, TU.
-    probability : ndarray, shape (k, values)
-        Probability of each value of each packet.
-    present : ndarray, shape (k, values)
-        Probability that the pulse of each value is present.
-    pulses : bool
-        Whether any pulses were found in the word.
-    """
+    """A decoded word of a pass, as estimated so far."""
 
     item: SequenceItem
-    rows: Indices
-    at: int
-    length: int
-    probability: Array
-    present: Array
+    rows: Indices  #: shape (k, 5); packets of the word, as in `trellis.forward_backward`
+    at: int  #: first sample of the word in the transmission
+    length: int  #: duration, TU
+    probability: Array  #: shape (k, values); probability of each value of each packet
+    present: Array  #: shape (k, values); probability that the pulse of each value is present
     soft: Soft
     ebn0_db: float
-    pulses: bool = True
+    pulses: bool = True  #: whether any pulses were found in the word
 
     def places(self) -> list[PulsePlace]:
         """Return the places with a probability above 0.001 of the pulses of the word; none if it has no pulses."""
@@ -90,28 +75,15 @@ class DecodedWord:
 
 @dataclasses.dataclass
 class Pass:
-    """
-    A pass of a sequence that is being received.
+    """A pass of a sequence that is being received."""
 
-    Attributes
-    ----------
-    kind : str
-        "survey" or "toolface".
-    start : int
-        First sample of the transmission.
-    done, at : int
-        Number of decoded words, and the sample at which the next word begins.
-    shown : int
-        Number of words already reported as provisional.
-    """
-
-    kind: str
+    kind: str  #: "survey" or "toolface"
     items: tuple[SequenceItem, ...]
-    start: int
-    done: int = 0
-    at: int = 0
+    start: int  #: first sample of the transmission
+    done: int = 0  #: number of decoded words
+    at: int = 0  #: sample at which the next word begins
     parts: list[DecodedWord] = dataclasses.field(default_factory=list)
-    shown: int = 0
+    shown: int = 0  #: number of words already reported as provisional
 
     @property
     def complete(self) -> bool:

@@ -49,11 +49,6 @@ class PulseReceiver(SampledReceiver):
         Spans without flow in the same pressure, which the caller updates before each push; without them the receiver
         finds the spans itself.
 
-    Attributes
-    ----------
-    channel : Channel or None
-        Response to a pulse and noise model after the last pass of a sequence.
-
     Raises
     ------
     ValueError
@@ -76,6 +71,7 @@ class PulseReceiver(SampledReceiver):
         self._reason, self._ebn0_db = "", math.nan
         self._best = -math.inf
         self.last_sync_s = -math.inf
+        #: Response to a pulse and noise model after the last pass of a sequence.
         self.channel: segment.ChannelEstimate | None = None
 
     def successor(self, tool: ToolConfiguration, flow: FlowSpans) -> PulseReceiver:
@@ -169,12 +165,11 @@ class PulseReceiver(SampledReceiver):
         """Run the search and decoding steps for which enough pressure has arrived, in the order in which it arrives."""
         while True:
             searched = STEPS_PER_TU * self._hop * _HOP_TU
-            beyond = STEPS_PER_TU * (_HOP_TU + self._beyond) + REACH
             # A pass waits until the search for syncs has covered its beginning, because the tool may have restarted
             # there.
-            needs, one = self._tracker.due(searched, beyond)
-            if one is None or searched + beyond <= needs:
-                if searched + beyond > self._grid.end:
+            needs, one = self._tracker.due(searched, self._search_needs - searched)
+            if one is None or self._search_needs <= needs:
+                if not self._searchable:
                     return
                 for found, position in self._found():
                     self._tracker.offer(found, position)
@@ -202,9 +197,14 @@ class PulseReceiver(SampledReceiver):
         return _GUARD_TU + self._tool.sync.edges_tu[-1] + 16
 
     @property
+    def _search_needs(self) -> int:
+        """Position of the grid up to which the next hop of the search needs pressure."""
+        return STEPS_PER_TU * ((self._hop + 1) * _HOP_TU + self._beyond) + REACH
+
+    @property
     def _searchable(self) -> bool:
         """Whether the pressure reaches far enough for the next hop of the search."""
-        return STEPS_PER_TU * (self._hop * _HOP_TU + _HOP_TU + self._beyond) + REACH <= self._grid.end
+        return self._search_needs <= self._grid.end
 
     def _found(self) -> list[tuple[synchronisation.SyncFound, float]]:
         """Search the next hop; return its syncs with their positions, and forget the pressure no longer needed."""

@@ -53,76 +53,37 @@ _ENOUGH = 20.0  # number of pulses that suffice to estimate a response without t
 
 @dataclasses.dataclass
 class ChannelEstimate:
-    """
-    Estimate of the channel.
+    """Estimate of the channel."""
 
-    Attributes
-    ----------
-    response : ndarray, shape (m,)
-        Response to a pulse, Pa, from `BEFORE` samples before its edge.
-    scale : float
-        Standard deviation of the coefficients of its components.
-    whitener : ndarray
-        Prediction error filter of the noise.
-    components : ndarray, shape (c, m)
-        Components of the response (`channel_estimate.basis`).
-    memory : float
-        1 sigma of the average over the pump lines, samples.
-    posterior : (ndarray, ndarray) or None
-        Coefficients of the components and their precision, from the pulses of the last stretch.
-    """
-
-    response: Array
-    scale: float
-    whitener: Array
-    components: Array
-    memory: float
+    response: Array  #: shape (m,); response to a pulse, Pa, from `BEFORE` samples before its edge
+    scale: float  #: standard deviation of the coefficients of its components
+    whitener: Array  #: prediction error filter of the noise
+    components: Array  #: shape (c, m); components of the response (`channel_estimate.basis`)
+    memory: float  #: 1 sigma of the average over the pump lines, samples
+    #: Coefficients of the components and their precision, from the pulses of the last stretch.
     posterior: tuple[Array, Array] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
 class StretchOnToolClock:
-    """
-    Data and packets of one stretch on the clock of the tool: `SAMPLES_PER_TU` samples per TU.
+    """Data and packets of one stretch on the clock of the tool: `SAMPLES_PER_TU` samples per TU."""
 
-    Attributes
-    ----------
-    pressure, known : ndarray, shape (n,)
-        Pressure, Pa; 1 where a sample is known.
-    pulses : ndarray, shape (j, 3)
-        Pulses before the packets, as in `channel_estimate.place_pairs`.
-    packets : ndarray, shape (k, 5)
-        Packets, as in `trellis.forward_backward`; starts in TU after `start`.
-    groups : ndarray, shape (g, 3)
-        Groups of packets; the response for a group is estimated without the pressure of that group. Columns: number of
-        the first packet; first place and place after the last, TU after `start`.
-    start : int
-        Sample of TU 0 of the packets.
-    parity : int
-        0 even, 1 odd.
-    probability : ndarray, shape (k, values), optional
-        Probability of each packet value from an earlier decoding.
-    angles : ndarray, shape (pumps, n), optional
-        Crank angles of pumps with stroke counters, rad.
-    carried : (ndarray, ndarray), optional
-        Coefficients and precision of the response from before an interruption, if too few pulses precede this stretch.
-    missing : float
-        Probability that the pulse of a packet is missing.
-    sync : (int, int), optional
-        First sample of the sync before the packets, and the sample after it, to measure the size of its pulses.
-    """
-
+    #: `pressure`, `known`: shape (n,); pressure, Pa; 1 where a sample is known.
     pressure: Array
     known: Array
-    pulses: Array
-    packets: Indices
+    pulses: Array  #: shape (j, 3); pulses before the packets, as in `channel_estimate.place_pairs`
+    packets: Indices  #: shape (k, 5); packets, as in `trellis.forward_backward`; starts in TU after `start`
+    #: Shape (g, 3); groups of packets; the response for a group is estimated without the pressure of that group.
+    #: Columns: number of the first packet; first place and place after the last, TU after `start`.
     groups: Indices
-    start: int
-    parity: int
-    probability: Array | None = None
-    angles: Array | None = None
+    start: int  #: sample of TU 0 of the packets
+    parity: int  #: 0 even, 1 odd
+    probability: Array | None = None  #: shape (k, values); probability of each packet value from an earlier decoding
+    angles: Array | None = None  #: shape (pumps, n); crank angles of pumps with stroke counters, rad
+    #: Coefficients and precision of the response from before an interruption, if too few pulses precede this stretch.
     carried: tuple[Array, Array] | None = None
-    missing: float = MISSING
+    missing: float = MISSING  #: probability that the pulse of a packet is missing
+    #: First sample of the sync before the packets, and the sample after it, to measure the size of its pulses.
     sync: tuple[int, int] | None = None
 
     @functools.cached_property
@@ -147,69 +108,39 @@ class StretchOnToolClock:
 
 
 class ExpectedPulses(NamedTuple):
-    """
-    Pulses that are expected in a stretch.
+    """Pulses that are expected in a stretch."""
 
-    Attributes
-    ----------
-    own : ndarray, shape (k, values)
-        Expected number of pulses at each place of each packet.
-    rows : ndarray, shape (j, 3)
-        These pulses and the pulses before the packets, as in `channel_estimate.place_pairs`.
-    train : ndarray, shape (n,)
-        Expected number of edges at each sample.
-    """
-
-    own: Array
-    rows: Array
-    train: Array
+    own: Array  #: shape (k, values); expected number of pulses at each place of each packet
+    rows: Array  #: shape (j, 3); these pulses and the pulses before the packets, as in `channel_estimate.place_pairs`
+    train: Array  #: shape (n,); expected number of edges at each sample
 
 
 @dataclasses.dataclass(frozen=True)
 class DecodedStretch:
-    """
-    Result of decoding a stretch.
+    """Result of decoding a stretch."""
 
-    Attributes
-    ----------
-    unary, level, common : ndarray
-        Metrics, weights and common energies, as in `trellis.forward_backward`.
-    probability : ndarray, shape (k, values)
-        Probability of each packet value, using the parity.
-    present : ndarray, shape (k, values)
-        Probability that the pulse of each value is present, if the packet has that value.
-    fits : ndarray, shape (k, 3)
-        Log likelihood ratio of each packet: one pulse in its window, against one, two, or two of half size anywhere.
-    channel : ChannelEstimate
-        Channel estimated from the other pulses, with the noise model of this stretch.
-    ebn0_db : ndarray, shape (k,)
-        Energy per bit over noise density, of the group of each packet.
-    timing : (float, float, float)
-        Relative drift of the pulses against the sample clock, its variance, and the sample about which it is measured,
-        relative to TU 0 of the packets.
-    evidence : float
-        Log likelihood ratio of pulses, at any of their places, against no pulses.
-    expected : float
-        Mean of the evidence in this noise if the pulses are like the earlier ones.
-    disturbed : ndarray, shape (k,)
-        Probability that a disturbance, not only steady noise, affects the pressure of the group of each packet.
-    sync : (float, float)
-        Size of the pulses of the sync relative to those of the packets, and its 1 sigma; infinite if it was not asked
-        for.
-    """
-
+    #: `unary`, `level`, `common`: metrics, weights and common energies, as in `trellis.forward_backward`.
     unary: Array
     level: Array
     common: Array
-    probability: Array
+    probability: Array  #: shape (k, values); probability of each packet value, using the parity
+    #: Shape (k, values); probability that the pulse of each value is present, if the packet has that value.
     present: Array
+    #: Shape (k, 3); log likelihood ratio of each packet: one pulse in its window, against one, two, or two of half size
+    #: anywhere.
     fits: Array
-    channel: ChannelEstimate
-    ebn0_db: Array
+    channel: ChannelEstimate  #: channel estimated from the other pulses, with the noise model of this stretch
+    ebn0_db: Array  #: shape (k,); energy per bit over noise density, of the group of each packet
+    #: Relative drift of the pulses against the sample clock, its variance, and the sample about which it is measured,
+    #: relative to TU 0 of the packets.
     timing: tuple[float, float, float]
-    evidence: float
-    expected: float
+    evidence: float  #: log likelihood ratio of pulses, at any of their places, against no pulses
+    expected: float  #: mean of the evidence in this noise if the pulses are like the earlier ones
+    #: Shape (k,); probability that a disturbance, not only steady noise, affects the pressure of the group of each
+    #: packet.
     disturbed: Array
+    #: Size of the pulses of the sync relative to those of the packets, and its 1 sigma; infinite if it was not asked
+    #: for.
     sync: tuple[float, float]
 
 
@@ -231,7 +162,8 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
         whitened = filtered(stretch.pressure - pumps, state.whitener)
         responses = _estimate(stretch, state, whitened, weight, pulses)
         g = _whitened(state.response, state.whitener)
-        weight = _weights(stretch, pulses.train, g, whitened) if turn > 0 or again else weight
+        if turn > 0 or again:
+            weight = precision(whitened - reconstruct(pulses.train, g), stretch.known)
         metric, level = _metric(stretch, responses, state.whitener, (whitened, weight))
         common = common_energy(g, len(g) // SAMPLES_PER_TU)
         far, beside = shared_energy(stretch, stretch.places, common, pulses)
@@ -473,11 +405,6 @@ def _sync_size(
         return 1.0, math.inf
     error = weighted @ sync[here]
     return float(weighted @ rest) / power, math.sqrt(1.0 / power + float(error @ covariance @ error) / power**2)
-
-
-def _weights(stretch: StretchOnToolClock, train: Array, g: Array, whitened: Array) -> Array:
-    """Return the weight of each sample: small where the noise is large, 0 where the sample is unknown."""
-    return precision(whitened - reconstruct(train, g), stretch.known)
 
 
 def _new_noise(

@@ -56,21 +56,14 @@ class _Syncs(PulseReceiver):
                     self.best = self.best._replace(score=found.score, at_s=self._grid.seconds(position))
 
 
-def guesses(
-    tool: ToolConfiguration, time_s: Array, pressure_pa: Array, syncs: Sequence[Sync], widths_s: Sequence[float] = ()
-) -> list[Guess]:
+def guesses(tool: ToolConfiguration, time_s: Array, pressure_pa: Array, syncs: Sequence[Sync]) -> list[Guess]:
     """
     Return configurations of other widths and syncs, the most probable first.
 
-    Parameters
-    ----------
-    time_s, pressure_pa : ndarray, shape (n,)
-        Rising times, s, and Pa.
-    widths_s : sequence of float, optional
-        Widths to try; a fine scale of all usual ones by default.
+    time_s, pressure_pa, shape (n,): rising times, s, and Pa.
     """
     count = math.ceil(math.log(_LONGEST_S / _SHORTEST_S) / math.log(_RATIO))
-    widths = widths_s or [_SHORTEST_S * _RATIO**k for k in range(count + 1)]
+    widths = [_SHORTEST_S * _RATIO**k for k in range(count + 1)]
     found = []
     for sync in syncs:
         coarse = [_best(tool, sync, width, time_s, pressure_pa) for width in widths]

@@ -59,33 +59,15 @@ _BLOCK, _MOVED = 16, 5.0
 
 @dataclasses.dataclass(frozen=True)
 class SyncFound:
-    """
-    A sync that was found.
+    """A sync that was found."""
 
-    Attributes
-    ----------
-    at : int
-        Sample at which the sync starts in the data searched.
-    score : float
-        Log likelihood ratio of the sync.
-    response : ndarray
-        Response to a pulse, Pa.
-    scale : float
-        Standard deviation of the coefficients of its components.
-    whitener : ndarray
-        Prediction error filter of the noise.
-    settled : int
-        Number of samples between the start of the pumps and the sync.
-    other : SyncFound or None
-        Next best sync. A sync resembles itself shifted by 15 TU (three of five pulses); the words after it decide.
-    """
-
-    at: int
-    score: float
-    response: Array
-    scale: float
-    whitener: Array
-    settled: int
+    at: int  #: sample at which the sync starts in the data searched
+    score: float  #: log likelihood ratio of the sync
+    response: Array  #: response to a pulse, Pa
+    scale: float  #: standard deviation of the coefficients of its components
+    whitener: Array  #: prediction error filter of the noise
+    settled: int  #: number of samples between the start of the pumps and the sync
+    #: Next best sync. A sync resembles itself shifted by 15 TU (three of five pulses); the words after it decide.
     other: SyncFound | None = None
 
     def later(self, samples: int) -> SyncFound:

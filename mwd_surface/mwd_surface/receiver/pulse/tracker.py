@@ -46,11 +46,6 @@ class Tracker:
     ----------
     doubt : Doubt
         Doubt about the configuration.
-
-    Attributes
-    ----------
-    leader : ReceivedTransmission or None
-        Hypothesis whose words are published.
     """
 
     def __init__(self, tool: ToolConfiguration, grid: Grid, flow: FlowSpans, doubt: Doubt) -> None:
@@ -58,7 +53,7 @@ class Tracker:
         self._all: list[ReceivedTransmission] = []
         self._frames = 0
         self.doubt = doubt
-        self.leader: ReceivedTransmission | None = None
+        self.leader: ReceivedTransmission | None = None  #: hypothesis whose words are published
 
     def offer(self, found: SyncFound, position: float) -> None:
         """

@@ -69,24 +69,6 @@ class ReceivedTransmission:
         Position where the sync starts, steps of the grid.
     doubt : Doubt
         Doubt about the configuration after the transmissions before.
-
-    Attributes
-    ----------
-    begin, score : float
-        Position and score of the sync.
-    second : float
-        Score of another sync that begins during the first one.
-    channel : ChannelEstimate
-        Response to a pulse, and noise model without the pulses.
-    presence : Presence
-    lost : str
-        Reason why the hypothesis has ended by itself; empty while the hypothesis continues.
-    frames, base : int
-        Number of passes of sequences so far; number of the first of them among all that are published.
-    published : bool
-        Whether words of this hypothesis were published.
-    sent : bool
-        Whether the tool has sent all that follows a sync, because it sends surveys only.
     """
 
     def __init__(self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, doubt: Doubt) -> None:
@@ -100,6 +82,7 @@ class ReceivedTransmission:
         whitener[: len(found.whitener)] = found.whitener
         # The estimate has more components than the search. Distribute the same total variance over them.
         memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
+        #: Response to a pulse, and noise model without the pulses.
         self.channel = segment.ChannelEstimate(response, found.scale, whitener, basis(len(response), tool.tu_s), memory)
         self._at_once, self.doubt = copy.deepcopy(doubt), doubt
         self.presence = Presence(found.score)
@@ -111,10 +94,13 @@ class ReceivedTransmission:
         self._off_s = math.inf
         self._held: list[ReceivedWord] = []
         self._pending = Reception()
-        self.begin, self.score, self.second = position, found.score, 0.0
+        self.begin, self.score = position, found.score  #: position and score of the sync
+        self.second = 0.0  #: score of another sync that begins during the first one
+        #: Number of passes of sequences so far; number of the first of them among all that are published.
         self.frames = self.base = 0
-        self.published = self.sent = False
-        self.lost = ""
+        self.published = False  #: whether words of this hypothesis were published
+        self.sent = False  #: whether the tool has sent all that follows a sync, because it sends surveys only
+        self.lost = ""  #: reason why the hypothesis has ended by itself; empty while the hypothesis continues
         self._pass: Pass | None = None
         self._offered = False
         self._parity = int(tool.parity == "odd")
@@ -190,10 +176,8 @@ class ReceivedTransmission:
         """
         self._off_s = off_s
         if self._pass is None or self._pass.complete:
-            self._begin_pass()
+            self._pass = self._next_pass()
         now, presence = self._pass, self.presence
-        if now is None:
-            return
         items = now.following()
         rows, length = packet_rows(items)
         clock, began, was_faint = self._clock, now.at, presence.faint
@@ -368,9 +352,9 @@ class ReceivedTransmission:
     def _sequences(self, kind: str) -> tuple[tuple[SequenceItem, ...], ...]:
         return self._tool.surveys if kind == "survey" else self._tool.toolfaces
 
-    def _begin_pass(self) -> None:
+    def _next_pass(self) -> Pass:
         """
-        Choose the next sequence: after a sync by the header and the evidence in the data, else the toolface sequence.
+        Return the next pass: after a sync by the header and the evidence in the data, else of the toolface sequence.
 
         If the tool sends no header, a survey follows a sync.
         """
@@ -378,19 +362,16 @@ class ReceivedTransmission:
             following = self._following(self._pass)
             offered, self._offered = self._offered, False
             if not offered or self._goes_on(following):
-                self._pass = following
-                return
+                return following
             self._places += passes.sync_places(self._tool, following.start)
             self._boundary = following.start + SAMPLES_PER_TU * self._tool.sync.length_tu
-        start, number = self._boundary, 0
+        # Without a header a tool sends a sync only after flow-on, and then it sends a survey.
+        start, number, kind = self._boundary, 0, "survey"
         if self._tool.header_bits:
             number = self._header(start)
             start += SAMPLES_PER_TU * self._tool.header_tu
-        # Without a header a tool sends a sync only after flow-on, and then it sends a survey.
-        kind = "survey"
-        if self._tool.header_bits:
             kind = self._kind_after_header(number, start)
-        self._pass = Pass(kind, self._tool.sequence(kind, number), start, at=start)
+        return Pass(kind, self._tool.sequence(kind, number), start, at=start)
 
     def _kind_after_header(self, number: int, start: int) -> str:
         """Return whether a survey or a toolface sequence begins at a sample, by the evidence of the data."""
@@ -492,22 +473,11 @@ _CLOCK_WALK = 3e-5
 
 @dataclasses.dataclass(frozen=True)
 class ToolClock:
-    """
-    Positions of the samples of a transmission on the grid.
+    """Positions of the samples of a transmission on the grid."""
 
-    Attributes
-    ----------
-    start : float
-        Position of sample 0 on the grid, steps.
-    pace : float
-        Steps from one sample to the next.
-    variance : float
-        Variance of the relative error of the pace.
-    """
-
-    start: float
-    pace: float = STEPS_PER_TU / SAMPLES_PER_TU
-    variance: float = _CLOCKS[0] ** 2
+    start: float  #: position of sample 0 on the grid, steps
+    pace: float = STEPS_PER_TU / SAMPLES_PER_TU  #: steps from one sample to the next
+    variance: float = _CLOCKS[0] ** 2  #: variance of the relative error of the pace
 
     def at(self, sample: float) -> float:
         """Return the position of a sample on the grid, steps."""
@@ -569,14 +539,10 @@ _FAINT = 0.3
 
 
 class PulseEvidence(NamedTuple):
-    """
-    Log likelihood ratio of the pulses of a stretch against no pulses, with its numbers of packets and words.
-
-    expected: mean of the ratio if the usual pulses were present in the noise of this stretch.
-    """
+    """Log likelihood ratio of the pulses of a stretch against no pulses, with its numbers of packets and words."""
 
     evidence: float
-    expected: float
+    expected: float  #: mean of the ratio if the usual pulses were present in the noise of this stretch
     packets: int
     words: int
 
@@ -589,15 +555,6 @@ class Presence:
     ----------
     score : float
         Score of the sync.
-
-    Attributes
-    ----------
-    confirmed : bool
-        Whether words were found after the sync.
-    faint : bool
-        Whether the last stretches hold no pulses: a disturbance, an interruption, or the tool is silent.
-    packets : int
-        Number of packets so far.
     """
 
     def __init__(self, score: float) -> None:
@@ -605,8 +562,10 @@ class Presence:
         self._usual: deque[float] = deque(maxlen=24)
         self._recent: list[PulseEvidence] = []
         self._total = 0.0
-        self.packets = 0
-        self.confirmed = self.faint = False
+        self.packets = 0  #: number of packets so far
+        self.confirmed = False  #: whether words were found after the sync
+        #: Whether the last stretches hold no pulses: a disturbance, an interruption, or the tool is silent.
+        self.faint = False
 
     @property
     def usual(self) -> float:

@@ -366,8 +366,7 @@ class SurveyHistory:
 
 
 _INTERFACE = "OPC UA"
-Argument = tuple[str, str, str]
-"""Name, type and description of an argument."""
+Argument = tuple[str, str, str]  #: name, type and description of an argument
 
 _DONE: tuple[Argument, ...] = (("success", "Boolean", "whether it was done"), ("message", "String", "or why not"))
 _DECISION: tuple[Argument, ...] = (
