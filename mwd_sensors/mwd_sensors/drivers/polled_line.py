@@ -290,7 +290,7 @@ def _unpacked(item: ReplyItem, data: bytes, frame: PolledFrame) -> float:
 
 
 def _ticks(item: ReplyItem) -> int:
-    """Return the time, ns, by which the value of a time item rises when its number rises by 1; at least 1."""
+    """Return the time, ns, that one count of a time item stands for; at least 1."""
     return max(round(item.line[1] * NANOSECONDS), 1)
 
 
