@@ -289,7 +289,7 @@ def _write_propagated(s: GyroAzimuthState, row: Any) -> None:
 
 @compiled
 def _find_sums(s: GyroAzimuthState, bin_index: int) -> int:
-    """Return the index in `s.sums` of the sums of a bin; if the bin has no sums, an index with another bin's sums."""
+    """Return the index in `s.sums` of the sums of a bin, or 0 if it has none; the caller must compare `bin`."""
     found = 0
     for j in range(BINS):
         if s.sums[j].bin == bin_index:

@@ -89,7 +89,8 @@ WORDS: dict[Code, str] = {
     Code.NO_HORIZONTAL_FIELD: "no horizontal field",
     Code.INCLINATION_ONLY: "{causes}: inclination and toolface only",
     Code.NORTH_UNKNOWN: "{names[0]} azimuth needs the {names[1]}: azimuth is magnetic",
-    Code.NO_REFERENCE_FIELD: "no reference field: {names[0]} azimuth, uncorrected, total field and dip not judged",
+    Code.NO_REFERENCE_FIELD: "no reference field: the azimuth is from {names[0]} north and not corrected, and total "
+    "field and dip are not checked",
     Code.STRING_ROTATED: "taken while the string turned at {value:.0f r/min}: no toolface",
     Code.SAG_CORRECTED: "inclination corrected for sag by {value:+.2f deg}",
     Code.MAGNETIC_STORM: "magnetic storm: the field at observatory {names[0]} was {value:.0f nT} off its quiet level "
@@ -148,7 +149,7 @@ WORDS: dict[Code, str] = {
     "let the tool rest and survey again, at another toolface if it can be turned",
     Code.PROPAGATED_DISAGREES: "the azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from the azimuth that the "
     "gyros propagated from the last accepted station: external magnetic field, or that station was wrong; survey again",
-    Code.HYPOTHESES: "what disturbs the field: {odds}",
+    Code.HYPOTHESES: "possible disturbances of the field: {odds}",
     Code.GYRO_ONLY_UNCERTAIN: _UNCERTAIN + "the azimuth is from the gyro alone; " + _REST,
     Code.GYRO_NORTH_UNKNOWN: "no gyro azimuth from {names[0]} north because the angle from true to {names[0]} north is "
     "not known: complete the settings of place",
@@ -156,7 +157,8 @@ WORDS: dict[Code, str] = {
     Code.SENSOR_FAULT_ENDED: "{fault}, until {value:.1f s} after this survey began: take the survey again",
     Code.SENSOR_SUSPECT: "the {names[0]} was in doubt while this survey was averaged: take the survey again",
     Code.PRECISION_UNIT_FAULT: "{fault}: {remedy}",
-    Code.PRECISION_UNIT_SUSPECT: "a check contradicts the precision unit: not used until the cause is known",
+    Code.PRECISION_UNIT_SUSPECT: "a check contradicts the precision unit: the unit is not used until the cause "
+    "is known",
     Code.LATITUDE_UNKNOWN: "the latitude is not known: set place.lat_deg and place.lon_deg",
     Code.LATITUDE_POLAR: "latitude {value:.1f deg} is too near the pole: the Earth's rotation is vertical there and "
     "no gyro finds north above latitude {limit:.0f deg}",
@@ -165,7 +167,7 @@ WORDS: dict[Code, str] = {
     Code.SEEK_LEVELLING: "the gyro needs {limit:.0f s} of data, had {value:.0f s}: the direction of gravity is "
     "still being measured",
     Code.SEEK_TOO_SHORT: "the gyro needs {limit:.0f s} of data, had {value:.0f s}",
-    Code.SEEK_IMPROVES: "good to {value:.1f deg} after {values[0]:.0f s}",
+    Code.SEEK_IMPROVES: "azimuth accurate to {value:.1f deg} after {values[0]:.0f s}",
     Code.GYRO_CLIPPED: "a gyro clipped (range {values[1]:.0f deg/s}) in {value:.0f} of {values[0]:.0f} samples: "
     "turn slower or stop the pumps",
     Code.TURNED_AT_REST: "the tool turned for {value:.0f s} of {values[0]:.0f s}: "
@@ -197,7 +199,8 @@ WORDS: dict[Code, str] = {
     "latitude, such as {values[1]:.1f deg}, gives another azimuth; check the latitude and its sign",
     Code.GYRO_BIAS_UNKNOWN: _BIAS_UNKNOWN + "turn the tool half a turn about its axis and wait again",
     Code.GYRO_BIAS_UNKNOWN_STATIC: _BIAS_UNKNOWN + "the method S1 cannot use a second position",
-    Code.SEEK_UNCERTAIN: "not certain enough: {value:.0f deg} after {values[0]:.0f s}; wait longer",
+    Code.SEEK_UNCERTAIN: "the sigma of the azimuth is {value:.0f deg} after {values[0]:.0f s}, "
+    "limit {limit:.0f deg}; wait longer",
     Code.TOO_FEW_SAMPLES: "too few samples to tell whether the tool keeps still: {value:.0f} in half a second, "
     "{limit:.0f} are needed",
     Code.SAMPLES_MISSING: "samples are missing",

@@ -206,7 +206,8 @@ class Clocks:
         """Process one sample of a stream; return the samples of this stream that can be used now."""
         pace, stamp = other.pace, int(sample["stamp_ns"][0])
         if name in self._behind:
-            # The stream has not jumped yet. A sample near the leader belongs to the new time, even after a data gap.
+            # The leader has jumped back, but this stream has not: drop its samples of the old time. A sample near the
+            # latest stamp of the leader belongs to the new time, even after a data gap.
             if stamp > self._lead.last_ns + BACK_NS and stamp > pace.last_ns - BACK_NS:
                 pace.take(stamp)
                 self.dropped += 1

@@ -146,7 +146,9 @@ class DownlinkDecoder:
 
     def _add_cell(self, cell: int, total: int, count: int) -> list[ReceivedCommand]:
         """
-        Add samples of one cell, and return the commands that are now complete; the cell may continue in later samples.
+        Add samples of one averaging interval (cell of `_CELL_NS`); return the commands that are now complete.
+
+        Later calls may add further samples of the same cell.
 
         cell: start of the cell divided by its length; total: sum of the samples, in steps of `_SCALE`; count: number of
         samples.

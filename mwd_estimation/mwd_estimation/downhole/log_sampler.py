@@ -184,7 +184,7 @@ class LogSampler:
 
 def rate(counts: Array | float, seconds: Array | float, dead_time: float) -> tuple[Array, Array, Array]:
     """
-    Return the rate of events, its 1 sigma, and the live share of the time.
+    Return the rate of events, its 1 sigma, and the share of the time outside the dead time of the detector.
 
     Rate and sigma are in 1/s; the share is at least 0.05. Each has the shape (...).
 

@@ -84,8 +84,10 @@ class Sent:
     duration_s: float  #: duration of the transmission, s
     edges_s: tuple[float, ...]  #: start of each pulse, counted from `start_ns`, s
     tool: ToolConfiguration  #: tool configuration with which it was sent
-    phases: tuple[float, ...] = ()  #: phase of each symbol on a carrier, rad; only for the first word of a block
-    octets: bytes = b""  #: bytes on a serial line; only for the first word of a frame
+    #: `phases`: phase of each symbol of the block on a carrier, rad; empty except for the first word of a block.
+    #: `octets`: content of the whole frame on a serial line; empty except for the first word of a frame.
+    phases: tuple[float, ...] = ()
+    octets: bytes = b""
 
 
 class _Part(NamedTuple):

@@ -64,7 +64,7 @@ class GravityWithFallback:
     @property
     def samples_are(self) -> str:
         """
-        Kind of the samples according to the data ("points"), if it differs from the settings; otherwise empty.
+        Kind of the samples ("points") that the filter detected if the settings state another; otherwise empty.
 
         Also empty for a method that does not check the samples; see `BoundedState.samples_are`.
         """

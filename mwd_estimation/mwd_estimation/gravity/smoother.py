@@ -65,7 +65,7 @@ class Smoother:
 
     @property
     def samples_are(self) -> str:
-        """Kind of the samples according to the data; see `BoundedState.samples_are`."""
+        """Kind of the samples that the filter detected; see `BoundedState.samples_are`."""
         return self._state.samples_are
 
     def continued(self) -> Smoother:

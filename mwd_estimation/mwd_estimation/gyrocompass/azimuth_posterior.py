@@ -42,7 +42,7 @@ class Mixture(NamedTuple):
     #: remaining variance, rad^2.
     cross: Array
     own: Array
-    shift: Array  #: shape (k,); mean of the added angle, rad
+    shift: Array  #: shape (k,); mean of the angle that is added to the azimuth, rad
     misfit: Array  #: shape (k,); squared distance, in sigmas, of the vertical Earth rate from its value at the latitude
 
 

@@ -240,7 +240,7 @@ def parts(errors: GyroErrors, found: Joined) -> Mixture:
 
 def learnt(errors: GyroErrors, found: Joined, horizontal: float) -> GyroErrors:
     """
-    Return the gyro errors after a station, given the length of the horizontal Earth rate, rad/s; found as in `parts`.
+    Return the gyro errors after a station, given the horizontal Earth rate at the latitude, rad/s; found as in `parts`.
 
     If the azimuth were known, the biases would nearly be known. For each kind of unit, the Gaussians of all azimuths of
     an arc are therefore merged to their mean and covariance (Murphy, Machine Learning, 2012, 18.6). A single Gaussian

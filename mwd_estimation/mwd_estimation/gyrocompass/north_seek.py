@@ -355,7 +355,7 @@ def _sought(p: KernelParams, state: SeekState, right: Array) -> gyro_errors.Soug
     rows = np.vstack([each[[north, east, *instrument]], right, each[down]])
     mean = rows @ estimate(state)
     mean[8:12] -= p.g_calibration
-    # The heading of the present states is added to the azimuth separately.
+    # Only the error of the heading belongs to the error state; the heading itself (`_hole_axis`) is added later.
     mean[-2] = 0.0
     t = float(state.elapsed)
     drift = np.array([[1.0, t], [0.0, 1.0]])

@@ -139,9 +139,10 @@ def _attitude(fit: Fit) -> Reason | None:
 
 def _latitude(params: SeekParams, fit: Fit) -> Reason | None:
     """
-    Return the refusal if no plausible gyro error explains the Earth rate, or because of other latitudes; or None.
+    Return the refusal if the measured Earth rate contradicts the latitude; otherwise None.
 
-    Another latitude is nearly certain, or fits as well and gives another azimuth.
+    The latitude is refused if no plausible gyro error explains the difference, if another latitude is nearly certain,
+    or if another latitude fits as well and gives another azimuth.
     """
     latitude = math.radians(params.latitude_deg)
     if fit.misfit > _MISFIT**2:

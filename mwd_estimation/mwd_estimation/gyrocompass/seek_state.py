@@ -59,11 +59,11 @@ class SeekPhase(enum.IntEnum):
 
 
 class KernelParams(NamedTuple):
-    """Parameters of `SeekParams` in SI; errors are 1 sigma unless marked as a value (not a sigma)."""
+    """Parameters of `SeekParams` in SI; errors are 1 sigma unless the comment says "not a sigma"."""
 
     horizontal: float  #: horizontal Earth rate, rad/s
     down: float  #: vertical Earth rate, rad/s
-    gravity: float  #: normal gravity of the place, m/s^2, a value
+    gravity: float  #: normal gravity of the place, m/s^2; not a sigma
     coarse_seconds: float  #: duration of the mean that starts S1's filter, s
     gyro_noise: float  #: white noise of the y and z gyros, rad/s/sqrt(Hz)
     gyro_x_noise: float  #: white noise of the x gyro, rad/s/sqrt(Hz)
@@ -77,11 +77,11 @@ class KernelParams(NamedTuple):
     scale_x: float  #: scale error of the x gyro, as a share
     leak: float  #: share of the x rate that y and z read
     g_sensitivity: float  #: g-sensitivity that calibration leaves: along, across, stretch and shear, rad/s per m/s^2
-    #: Calibrated g-sensitivity, in the order and unit of `g_sensitivity`, a value.
+    #: g-sensitivity found by calibration, in the order and unit of `g_sensitivity`; not a sigma.
     g_calibration: tuple[float, float, float, float]
-    lag: float  #: delay of the y and z gyros relative to the x gyro, s, a value
+    lag: float  #: delay of the y and z gyros relative to the x gyro, s; not a sigma
     lag_sigma: float  #: 1 sigma of `lag`, s
-    lead: float  #: time by which the accelerometer precedes the x gyro, s, a value
+    lead: float  #: time by which the accelerometer precedes the x gyro, s; not a sigma
     lead_sigma: float  #: 1 sigma of `lead`, s
     gyro_range: float  #: rate above which a sample counts as clipped, rad/s
 

@@ -20,8 +20,8 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
 BIN_NS = 500_000_000  # half a second, ns: the time that is evaluated at once
-# Offset from the place of a sensor's first UNIT check (windows of motion) to its second one (readings refused by the
-# gate).
+# Each sensor has two checks of its unit of measurement: by windows of motion, and by the readings that the gate
+# refused. BY_GATE: index of the second check minus index of the first one.
 BY_GATE = 1
 # Smallest number of samples of an axis for evaluating half a second (a magnetometer may run at 10 Hz), and for using a
 # standard deviation.

@@ -289,9 +289,9 @@ class WindowJudge:
 
     def _show_field(self) -> None:
         """
-        Find the cases in which the samples of the carried field spread least; store the result in `self._field`.
+        Find the axes with which the samples of the carried field scatter least; store the result in `self._field`.
 
-        With wrong axes, the samples that the gyros rotate to the start of the window spread.
+        The samples are rotated by the gyros to the start of the window; with wrong axes they scatter.
         """
         p, w, shown = self._limits, self._window, self._field
         if self._samples[2] != WHOLE or w.fields < _FEW_FIELDS or w.field2 <= 0.0:

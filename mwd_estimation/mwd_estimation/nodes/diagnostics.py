@@ -54,7 +54,7 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int, lately: bool = True) 
         "magnetic samples come later than those of the IMU: raise tool.magnetometer.delay_s": counters.late_mag,
         "look for a pulsed current near the magnetometer, or a loose plug": counters.spikes,
         "the stamps of only one sensor jumped: stamp all sensors with one clock": pipeline.of_no_time,
-        "is another type of message published?": unreadable,
+        "check that the published messages have the expected type": unreadable,
     }
     remedy = "; ".join(words for words, count in remedies.items() if count)
     return Diagnostic("samples", WARN, f"{unused} not used", remedy, values)

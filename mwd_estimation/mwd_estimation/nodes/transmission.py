@@ -97,7 +97,7 @@ class TransmissionPublisher:
                 found.append(Diagnostic(name, OK, str(transmitter.state), values=values))
                 continue
             stopped = transmitter.knows_flow
-            text = f"silent: the flow {'does not come any more' if stopped else 'is not known'}"
+            text = f"silent: the flow {'is no longer received' if stopped else 'is not known'}"
             remedy = f"the tool transmits by flow: {'has tool/flow stopped?' if stopped else 'is tool/flow published?'}"
             found.append(Diagnostic(name, WARN, text, remedy, values))
         return found

@@ -147,7 +147,7 @@ class BinStage:
         return None if held is None else self._survey(held, self.precision.station.solution())
 
     def rotary(self, average: StillAverage, rotary_speed: float) -> DecidedSurvey:
-        """Return the decided survey from an average over a turning string; rotary_speed: rad/s."""
+        """Return a rotary survey with its verdict, from an average over a turning string; rotary_speed: rad/s."""
         return self.decision.rotary(average, self._numbering.next(), self._reference(average), rotary_speed)
 
     def _reference(self, average: StillAverage) -> Reference | None:

@@ -154,7 +154,7 @@ class Estimate:
 
     @property
     def samples_are(self) -> str:
-        """Kind of the samples according to the data ("points"), if it differs from `tool.samples`; otherwise empty."""
+        """Kind of the samples ("points") that the filter detected if `tool.samples` states another; otherwise empty."""
         return self._gravity.samples_are
 
     def set_reference(self, reference: Reference) -> None:

@@ -353,7 +353,7 @@ class KeptSamples(NamedTuple):
     """Samples with which an estimate restarts."""
 
     imu: list[tuple[Samples, Track | None]]  #: samples of the conventional unit, and their gravity from a smoother
-    beside: list[tuple[str, Samples]]  #: name of each other stream, and its samples
+    beside: list[tuple[str, Samples]]  #: samples of the other streams (mag, precision, temperature), by name
 
 
 class NoiseOnset:

@@ -219,9 +219,14 @@ class SurveyDecision:
     def rotary(
         self, average: StillAverage, sequence: int, reference: Reference | None, rotary_speed: float
     ) -> DecidedSurvey:
-        """Return the decided survey from an average in axes that do not turn (`rotary_survey`); rotary_speed: rad/s."""
+        """
+        Return a rotary survey with its verdict.
+
+        average: averaged in axes that do not turn with the string (`rotary_survey`); rotary_speed: rad/s.
+        """
         one = _measured(average, reference, self._settings)
-        # Use a run of length one: in axes that do not turn, the cross-axis errors differ from those of other stations.
+        # Use a run of one station: in axes that do not turn with the string, the cross-axis errors differ from those of
+        # the other stations.
         finding = RunModel(self._settings).take(Taken(one))
         station = without_toolface(self._decided(one, finding, None), rotary_speed)
         survey = self._faults.judge(DecidedSurvey(average, sequence, station, _weights(finding, None), ROTARY))

@@ -60,7 +60,7 @@ def findings(
                 known[k] = model.take(one)
                 progress(0.5)
 
-    # The models before the stations are kept for one block at a time, because they need much memory.
+    # Keep the state of the model before each station for one block of stations at a time, because it needs much memory.
     model, starts = RunModel(settings), [RunModel(settings)]
     for k, seek in enumerate(seeks[: (len(seeks) - 1) // _BLOCK * _BLOCK], 1):
         learn(model, seek)
@@ -78,7 +78,7 @@ def findings(
             if any(_is_repeated(known[k]) for k in seek):
                 continue
             found |= _of_seek(model.between(later, next(iter(seek.values()))), seek)
-            # The turning string counts once, in the models of the stations before.
+            # The result of the turning string is already in the models of the earlier stations: do not count it again.
             for one in seek.values():
                 later.learn(one._replace(turning=None))
             progress(0.5 * len(seek))

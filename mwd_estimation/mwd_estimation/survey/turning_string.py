@@ -41,9 +41,9 @@ _WORST_CONDITION = 1e4
 # is a millimetre higher on one side, a sound tool seems misaligned by 2 deg at 120 rpm), misalignment of the axes after
 # calibration, rad, and fields of the electronics, T.
 _IN_STEP, _SKEW, _ELECTRONICS = 5e-4, math.radians(0.05), 50e-9
-# Indices of columns of the fit: constant (then its drift), cosine and sine of the roll (then their drifts), four
-# columns for the noise, and two for a delay behind the gyro, which is visible if the speed changes. The delay is fitted
-# if the condition number of the columns is at most `_MOST_ALIKE`.
+# Columns of the fit, by index: 0 and 1 constant and its drift; 2 and 3 cosine and sine of the roll, 4 and 5 their
+# drifts; 6 to 9 noise; 10 and 11 delay of the magnetometer relative to the gyro. Only a change of the rotary speed
+# shows the delay: it is fitted if the condition number of the columns is at most `_MOST_ALIKE`.
 _CONSTANT, _COS, _SIN, _NOISE, _LATE, _MOST_ALIKE = 0, 2, 3, slice(6, 10), 10, 100.0
 # Number of values from which a window's noise is estimated: four amplitudes of three axes.
 _NUMBERS = 12.0

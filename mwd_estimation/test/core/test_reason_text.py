@@ -30,7 +30,10 @@ def test_a_number_is_printed_in_the_unit_of_its_sentence():
 
 def test_hypotheses_and_azimuths_are_listed_with_their_odds():
     odds = Reason(ReasonCode.HYPOTHESES, values=(0.83, 0.12), names=("clean", "external"))
-    assert text(odds) == "what disturbs the field: nothing beyond the tool code 83 %, steel outside the string 12 %"
+    assert (
+        text(odds)
+        == "possible disturbances of the field: nothing beyond the tool code 83 %, steel outside the string 12 %"
+    )
     several = Reason(ReasonCode.AZIMUTHS_FIT, math.radians(8.6), 0.95, (math.radians(197.7), 0.05))
     assert "8.6 deg with 95.0 %, 197.7 deg with 5.0 %" in text(several)
 

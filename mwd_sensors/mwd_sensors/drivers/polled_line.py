@@ -79,7 +79,7 @@ class ReplyItem:
         "precision unit, temperature, status, time; for a host a value of the table of signals. A name that begins "
         "with _ is skipped."
     )
-    form: str = setting("float32", "Form of the number.", choices=tuple(FORMS))
+    form: str = setting("float32", "Number format in the reply.", choices=tuple(FORMS))
     step: float = setting(1.0, "Change of the value when the number rises by 1; not 0.", low=-1e15, high=1e15)
     offset: float = setting(
         0.0,
@@ -290,7 +290,7 @@ def _unpacked(item: ReplyItem, data: bytes, frame: PolledFrame) -> float:
 
 
 def _ticks(item: ReplyItem) -> int:
-    """Return the time, ns, by which the value of a time item rises when its number rises by 1; at least 1."""
+    """Return the time, ns, that one count of a time item stands for; at least 1."""
     return max(round(item.line[1] * NANOSECONDS), 1)
 
 

@@ -145,7 +145,7 @@ class ProbeNode(GraphNode[LineSettings]):
         if probe.clock_known and probe.clock.jumps < 0:
             return Diagnostic("clock", OK, "stamps are those of request and reply")
         if probe.clock.jumps < 0:
-            message = "offset not known yet: no samples until then"
+            message = "the offset of the unit's clock is not known yet; no samples are published until then"
             return Diagnostic("clock", WARN, message, "check that the unit answers `time`")
         values = (("offset", f"{probe.clock.offset_ns * 1e-9:.6f}"), ("jumps", str(probe.clock.jumps)))
         return Diagnostic("clock", OK, "synchronised", values=values)

@@ -51,7 +51,8 @@ class CallbackFailures:
         if age < self.RECENT_S:
             message = "a callback failed or a message was not sent"
             return [Diagnostic("failures", ERROR, message, "read the node's log", counts)]
-        return [Diagnostic("failures", OK, f"no failure for {age / 60.0:.0f} min; see the log", values=counts)]
+        message = f"the last failure was {age / 60.0:.0f} min ago; see the log"
+        return [Diagnostic("failures", OK, message, values=counts)]
 
 
 def clock_diagnostics(sim_time: bool, now_ns: int) -> list[Diagnostic]:

@@ -74,7 +74,11 @@ class Diurnal:
         (0.0, 0.0, 0.0), "Amplitude of the variation to the north, east and down.", low=0.0, high=5000.0
     )
     peak_hour: float = setting(
-        12.0, "Hour of the day, UTC, at which the variation is largest.", unit="h", low=0.0, high=24.0
+        12.0,
+        "Hour of the day, UTC, at which the variation of the field is largest.",
+        unit="h",
+        low=0.0,
+        high=24.0,
     )
 
 

@@ -172,7 +172,7 @@ class Pump:
     leak: float = setting(0.0, "Share of one piston's delivery that a leaking valve loses.", low=0.0, high=1.0)
     imbalance: float = setting(0.01, "Difference between the deliveries of the pistons.", low=0.0, high=0.5)
     hunting: float = setting(0.0015, "Variation of the stroke rate, 1 sigma, as a share.", low=0.0, high=0.2)
-    hunting_s: float = setting(15.0, "Correlation time of this variation.", low=0.5, high=600.0)
+    hunting_s: float = setting(15.0, "Correlation time of the variation of the stroke rate.", low=0.5, high=600.0)
     counter_jitter_s: float = setting(0.0, "Error of the time of a counted stroke, 1 sigma.", low=0.0, high=0.2)
     counter_missed: float = setting(0.0, "Share of strokes that the counter misses.", low=0.0, high=0.5)
 

@@ -112,7 +112,7 @@ class Steering:
         0.1, "Root mean square of the variation of the reactive torque.", unit="of the torque", low=0.0, high=1.0
     )
     motor_band_hz: tuple[float, float] = setting(
-        (0.02, 0.3), "Lowest and highest frequency of this variation.", low=0.001, high=20.0
+        (0.02, 0.3), "Lowest and highest frequency of the variation of the reactive torque.", low=0.001, high=20.0
     )
     most_rpm: float = setting(200.0, "Highest speed of the top drive.", low=1.0, high=600.0)
     orient_rpm: float = setting(10.0, "Highest speed while the top drive turns to an angle.", low=0.1, high=60.0)

@@ -50,7 +50,7 @@ class RandomVibration:
         low=8,
         high=2000,
     )
-    when: str = setting("drilling", "Phases of the schedule in which it acts.", choices=WHEN)
+    when: str = setting("drilling", "Phases of the schedule in which the vibration acts.", choices=WHEN)
 
     def __post_init__(self) -> None:
         """Raise ValueError if the lowest frequency is not below the highest."""
@@ -69,7 +69,7 @@ class Tone:
     rate_deg_s: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0), f"Amplitude of the angular rate {_ANGLES}.", low=0.0, high=2000.0
     )
-    when: str = setting("drilling", "Phases of the schedule in which it acts.", choices=WHEN)
+    when: str = setting("drilling", "Phases of the schedule in which the vibration acts.", choices=WHEN)
 
 
 @dataclasses.dataclass(frozen=True)

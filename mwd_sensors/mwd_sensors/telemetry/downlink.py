@@ -95,7 +95,7 @@ class Downlink:
 
     @property
     def table_check(self) -> int:
-        """Start value of the check, computed from the tables: a command for other tables fails the check."""
+        """Start value of the CRC, computed from the tables: a tool with other tables rejects the command."""
         text = " ".join(f"{value:g}" for value in (*self.pulse_widths_s, -1.0, *self.carriers_hz))
         return _crc8(int.from_bytes(text.encode(), "big"), 8 * len(text), 0xFF)
 
@@ -114,7 +114,7 @@ class DownlinkFrame(NamedTuple):
 
 
 def frame_of(echo: int) -> DownlinkFrame | None:
-    """Return the command that an echo repeats, or None if no command was received or the code is not valid."""
+    """Return the command that an echo repeats; None if the tool has received no command, or the code is not valid."""
     argument, rest = echo % ARGUMENTS, echo >> _ARGUMENT_BITS
     command, counter = rest % (1 << _COMMAND_BITS), rest >> _COMMAND_BITS
     if not 0 < counter < COUNTERS or command >= len(COMMANDS):
@@ -153,7 +153,11 @@ def levels(frame: DownlinkFrame, downlink: Downlink) -> tuple[int, ...]:
 
 
 def decode(data: tuple[int, ...], downlink: Downlink) -> DownlinkFrame | None:
-    """Return the command in 9 data levels, or None if the check fails or the code is not valid."""
+    """
+    Return the command that the levels of the 9 data symbols encode; None if CRC, counter or command are not valid.
+
+    data: level of each data symbol, as in `levels`.
+    """
     bits = 0
     for level in data:
         bits = bits << 2 | _GRAY[level]

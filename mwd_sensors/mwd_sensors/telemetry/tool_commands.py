@@ -21,7 +21,7 @@ _SEQUENCE, _PULSE_WIDTH, _CARRIER, _TOOLFACE_RATE, _SURVEY_NOW, _MUTE = range(le
 class ToolSettings(NamedTuple):
     """Settings that downlink commands change."""
 
-    sequence: int = 0  #: number of the survey and toolface sequence
+    sequence: int = 0  #: index, from 0, of the survey sequence and of the toolface sequence that the tool sends
     #: `pulse_width`, `carrier`: index in the tables of the downlink; -1 keeps the value of the tool configuration.
     pulse_width: int = -1
     carrier: int = -1

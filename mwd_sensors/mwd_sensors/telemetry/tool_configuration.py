@@ -114,9 +114,13 @@ class ToolConfiguration:
     health: ToolLimits = setting(
         ToolLimits, "Limits and parts of the tool: battery, temperature, vibration, calibration."
     )
-    survey_sequences: tuple[str, ...] = setting((_SURVEY,), "Sent once after each flow-on.")
+    survey_sequences: tuple[str, ...] = setting(
+        (_SURVEY,), "Sequences of survey words; one of them is sent once after each flow-on."
+    )
     toolface_sequences: tuple[str, ...] = setting(
-        (_TOOLFACE,), "Sent repeatedly after the survey. Leave it empty, {}, for a tool that sends surveys only."
+        (_TOOLFACE,),
+        "Sequences of toolface words; one of them is sent repeatedly after the survey. Leave it empty, {}, for a tool "
+        "that sends surveys only.",
     )
 
     def __post_init__(self) -> None:

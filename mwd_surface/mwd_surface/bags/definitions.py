@@ -155,7 +155,10 @@ class Definitions:
             known = found.keys() | self.typestore.fielddefs.keys()
             used = {name for _, fields in found.values() for _, field in fields for name in _names(field)}
             if used - known:
-                raise DefinitionError(f"{type_name}: the recording does not define {', '.join(sorted(used - known))}")
+                missing = ", ".join(sorted(used - known))
+                raise DefinitionError(
+                    f"{type_name}: its definition uses {missing}, which the recording does not define"
+                )
             self.typestore.register({name: found[name] for name in found.keys() - self.typestore.fielddefs.keys()})
         except TypesysError as error:
             raise DefinitionError(f"{type_name}: the definition in the recording cannot be used: {error}") from error

@@ -65,7 +65,8 @@ class ClearanceRule:
     )
     projection_sigma_m: float = setting(
         0.5,
-        "1 sigma of the hole ahead of the last survey until the next one. Raising it keeps wells farther apart.",
+        "1 sigma of the position of the hole between the last survey and the next one. Raising it keeps wells farther "
+        "apart.",
         low=0.0,
         high=10.0,
     )

@@ -27,7 +27,7 @@ def emulate(
     loop: Annotated[bool, typer.Option("--loop", help="Start again at the end (recordings only).")] = False,
     frame: Annotated[
         Path | None,
-        typer.Option(help="YAML file with the requests and replies of the protocol polled; by default Modbus RTU."),
+        typer.Option(help="YAML file with the requests and replies, for --protocol polled; by default Modbus RTU."),
     ] = None,
     wait: Annotated[bool, typer.Option("--wait", help="Send nothing until a driver sends the start command.")] = False,
     *,

@@ -113,7 +113,7 @@ def export(
 
 def report(
     source: Source,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the two files.")] = Path(),
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the HTML file and the PDF.")] = Path(),
     plan: PlanFile = None,
     plan_set: PlanSet = None,
     leg: LegName = None,

@@ -100,7 +100,7 @@ def path(
     Writes DIR/path.csv and DIR/surveys.json, which `mwd report DIR` and `mwd export DIR` read. Reads tables and .xlsx,
     LAS 2 and 3, WITSML 1.3 to 2.1, P7/17 and Petrel .dev, recognised by the content of the file. Columns, units and
     north are found by their names ("MD (usft)", azi_grid ...) and in the head of the list. An error message quotes each
-    word that is not understood, and every assumption is a remark in path, report and exports. A list that contradicts
+    word that was not recognised, and every assumption is a remark in path, report and exports. A list that contradicts
     itself is refused with the likely cause. The position uncertainty needs a place (--lat, --lon) or a field (--field).
     With --against, DIR/comparison.csv and DIR/comparison.png are also written.
 

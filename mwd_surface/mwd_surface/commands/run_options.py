@@ -20,8 +20,8 @@ _LEAST_SECRET = 8  # least number of characters of a secret, as required by the 
 # Parameters that only an option of `mwd run` may set, with the name of the option or the remedy.
 OF_OPTIONS = {
     "surface.folder": "mwd run keeps recording, lists and logs in one folder; choose the folder with -o",
-    "surface.serve_page": "mwd run needs the page to follow the nodes; to run without a page, start the nodes by a "
-    "launch file",
+    "surface.serve_page": "mwd run reads the state of the nodes from the page, so it cannot run without a page; start "
+    "the nodes by a launch file instead",
     "sonde.scenario": "name the scenario as the argument of mwd run, because other parameters follow from it",
 }
 # Parameters that an option of `mwd run` also sets, with the name of the option.

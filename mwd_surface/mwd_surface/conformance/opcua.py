@@ -56,7 +56,7 @@ class OpcuaConformance:
         return View(lease, mode, sequence, speed, turn, pending)
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return the test cases that only this interface has."""
+        """Return the cases of wrong use that only OPC UA allows: title, expected result and function."""
         return [
             ("a variable of control is written", "refused by the server", self._write),
             ("a method with an argument missing", "refused by the server", self._missing),

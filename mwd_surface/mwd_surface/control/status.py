@@ -73,7 +73,7 @@ class ControlRequest:
     priority: int = 0  #: 0 to 255; a priority higher than the owner's takes control from the owner
     wait: bool = False  #: whether the request waits until the owner gives control back
     duration: float = 0.0  #: length of the lease, s; 0: the longest allowed
-    #: Requested limits; 0 means the limit set at the rig, for left-hand limits no left-hand motion.
+    #: Requested limits. A limit of 0 means the limit set at the rig; a left-hand limit of 0 forbids left-hand motion.
     limits: LeaseLimits = dataclasses.field(default_factory=LeaseLimits)
 
 

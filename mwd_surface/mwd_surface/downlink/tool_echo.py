@@ -66,9 +66,10 @@ class ToolEcho:
         """
         Return the frame with the counter to send, and whether its echo will prove that the command arrived.
 
-        last: counter sent last; 0: unknown. If `last` is unknown and an echo was received, counters are tried backwards
-        from the counter before that of the last echo, because the surface may have sent the counters after the echo
-        before its memory was lost.
+        last: counter of the last command sent; 0: unknown, because the surface lost its memory. Counters are tried in
+        rising order, starting after `last`. If `last` is unknown and the tool has echoed counter c, they are tried in
+        falling order, starting with c - 1: the surface may have sent c + 1 and the following counters before it lost
+        its memory, so an echo of these would prove nothing.
         """
         known = frame_of(self.heard) if self.heard is not None else None
         if last == 0 and known is not None:

@@ -79,7 +79,7 @@ class SurveyTable:
     records: tuple[SurveyRecord | None, ...]  #: survey record of each station, None for tie-ons and the projection
     columns: tuple[TableColumn, ...]  #: numbers of the stations, in the units of `display`
     header: tuple[tuple[str, str], ...]  #: labels and values of the head block
-    covariance: Array | None  #: of the stations' positions, shape (n, 3, 3), m^2, or None
+    covariance: Array | None  #: covariances of the positions of the stations, shape (n, 3, 3), m^2, or None
     covariance_note: str  #: name of the error model, or the reason why the covariance is unknown
     plan: Plan | None
     left_out: tuple[str, ...]  #: sentences about stations and surveys that could not be printed

@@ -65,7 +65,7 @@ _JOINED = 3  # largest number of parts between "; " that are read as one sentenc
 # sources needs less than a fifth. A longer search ends with the best translation found so far, so that a text from
 # outside cannot block the page.
 _WORK = 80_000
-_EACH = 100  # work of a search in addition to the number of letters of the text
+_EACH = 100  # work counted for each search, in addition to the number of letters of the text
 
 
 class _Template(NamedTuple):

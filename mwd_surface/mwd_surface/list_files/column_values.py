@@ -90,7 +90,7 @@ class ColumnValues:
             pair = [next(c for c in cells if number_cells.marks([c]) == {mark}) for mark in sorted(own)]
             raise ListFileError(
                 f"{self.table.at}: column {column.name!r} has numbers with a decimal comma and with a decimal point,"
-                f" such as {pair[0]!r} and {pair[1]!r}; say it with --decimal point or comma"
+                f" such as {pair[0]!r} and {pair[1]!r}; set the decimal mark with --decimal point or comma"
             )
         if own:
             return own.pop()
@@ -134,7 +134,7 @@ class ColumnValues:
         raise ListFileError(
             f"{self.table.at}: {unclear[0]!r} in column {column.name!r} may be"
             f" {number_cells.value(unclear[0], mark):g} or {number_cells.value(unclear[0], other):g}, and nothing in"
-            " the list decides; say it with --decimal point or --decimal comma"
+            " the list decides; set the decimal mark with --decimal point or --decimal comma"
         )
 
     def _rises(self, column: ListColumn, mark: str) -> bool:
@@ -196,7 +196,7 @@ class ColumnValues:
         """
         Return the factor to SI units; if the column states no unit, the unit in its cells or in the head is used.
 
-        Raises ListFileError if a length has no unit, or if a unit is not understood.
+        Raises ListFileError if a length has no unit, or if a unit is not recognised.
         """
         otherwise = ""
         if not (column.unit or column.strange or column.quantity in FIGURES or self._given_unit(column)):
@@ -219,7 +219,7 @@ class ColumnValues:
             )
             self._say(RemarkKind.OVERRIDDEN, text)
         if column.strange and column.unit:
-            text = f"{self.name}: {column.strange!r} in the name of column {column.name!r} is not understood"
+            text = f"{self.name}: {column.strange!r} in the name of column {column.name!r} was not recognised"
             self._say(RemarkKind.COLUMN_NOT_READ, text)
         return factor
 
@@ -243,12 +243,12 @@ class ColumnValues:
 
         The unit comes from, in this order: the head, the other lengths of the list, the elevation of the datum or the
         coordinates in the head. The result is "" if none of these has a unit. Raises ListFileError if the head states
-        a unit that is not understood.
+        a unit that is not recognised.
         """
         if self.head.strange_unit:
             raise ListFileError(
-                f"{self.name}: the head gives depths in {self.head.strange_unit!r}, which is not understood; say the"
-                " unit with --length-unit"
+                f"{self.name}: the head gives depths in {self.head.strange_unit!r}, which was not recognised; set"
+                " the unit with --length-unit"
             )
         mapped = column.quantity in (*LOCAL, *MAP)
         if mapped and self.head.map_unit:

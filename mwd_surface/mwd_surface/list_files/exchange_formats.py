@@ -340,7 +340,7 @@ def _measure(station: Any, what: str, tag: str, at: str) -> Cell:
     if factor is None:
         usual = ("dega", "rad", "gon") if what in ANGLES else ("m", "km", "ft", "ftUS", "in")
         raise ListFileError(
-            f"{at}: {what} in {uom!r}, which is not a unit that is understood here; expected {', '.join(usual)} ...,"
+            f"{at}: {what} in {uom!r}, which is not a known unit; expected {', '.join(usual)} ...,"
             " as in the Energistics unit dictionary"
         )
     try:

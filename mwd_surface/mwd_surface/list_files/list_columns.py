@@ -3,7 +3,7 @@
 Quantities and units of the columns of a station list, from the column names or from the caller.
 
 The whole name is read: its quantity, its unit ("MD (usft)", md_ft, "Inc °"), its north ("AZIM_GN"), and whether an
-angle is measured from the horizontal. A word of the name that is not understood is kept and quoted, never skipped. The
+angle is measured from the horizontal. A word of the name that is not recognised is kept and quoted, never skipped. The
 unit of a length is never guessed; angles without a unit are degrees.
 """
 
@@ -306,7 +306,7 @@ class ListColumn:
     #: `unit`, `north`: unit and north that the name states, or ""
     unit: str = ""
     north: str = ""
-    strange: str = ""  #: words of the name that were not understood
+    strange: str = ""  #: words of the name that were not recognised
 
 
 @dataclasses.dataclass(frozen=True)
@@ -469,7 +469,7 @@ def factor(column: ListColumn, at: str, given: Given | None = None, otherwise: s
     Raises
     ------
     ListFileError
-        A length has no unit, or a unit or word is not understood.
+        A length has no unit, or a unit or word is not recognised.
     """
     own = FIGURES.get(column.quantity)
     if own is not None:
@@ -483,14 +483,14 @@ def factor(column: ListColumn, at: str, given: Given | None = None, otherwise: s
     usual = "deg, rad or grad" if angle else "m, km, ft, usft, inch or yd"
     if column.strange and not column.unit and column.quantity != "azimuth":
         raise ListFileError(
-            f"{at}: {column.quantity} in {column.strange!r} (column {column.name!r}): not understood; expected"
-            f" {usual}; say it with {option}, or name the column with --columns"
+            f"{at}: {column.quantity} in {column.strange!r} (column {column.name!r}): the unit was not"
+            f" recognised; expected {usual}; set it with {option}, or name the column with --columns"
         )
     unit = column.unit or otherwise or ("deg" if angle else "")
     if not unit:
         raise ListFileError(
             f"{at}: {column.quantity} (column {column.name!r}) has no unit; write {column.quantity}_m or"
-            f" {column.quantity}_ft, or say it with --length-unit"
+            f" {column.quantity}_ft, or set the unit with --length-unit"
         )
     if unit not in known:
         raise ListFileError(f"{at}: {column.quantity} in {unit!r}; expected {usual}")
@@ -582,6 +582,6 @@ def _qualifiers(phrase: str, *, angle: bool) -> tuple[str, str, bool, list[str]]
 
 
 def _resembles(name: str) -> bool:
-    """Return whether a name that is not understood contains a word that occurs in the names of the quantities read."""
+    """Return whether a name that is not recognised contains a word that occurs in the names of the quantities read."""
     words = _words(name)
     return bool(_KEYS.search(words)) and not _OTHERS.search(words)

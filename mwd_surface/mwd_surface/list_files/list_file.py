@@ -135,7 +135,7 @@ def _table(data: bytes, name: str, given: Given) -> Table:
 
     def is_header(names: Sequence[str]) -> int:
         found = list_columns.find(names, given)
-        # Repeated quantities and names that are not understood lower the score: such a row is probably one of two rows
+        # Repeated quantities and names that are not recognised lower the score: such a row is probably one of two rows
         # of names.
         again = sum(len({(one.north, one.unit) for one in columns}) < len(columns) for columns in found.of.values())
         units = sum(bool(one.unit) for columns in found.of.values() for one in columns)
@@ -176,7 +176,7 @@ def _stations(table: Table, given: Given) -> StationList:
 
 def _missing(table: Table, columns: ListColumns) -> str:
     unread = [repr(one.name) for one in columns.unread]
-    strange = f"; {', '.join(unread)} is not understood" if unread else ""
+    strange = f"; columns that were not recognised: {', '.join(unread)}" if unread else ""
     return (
         f"{table.at}: no column for {', '.join(columns.missing)}{strange}; expected a header such as"
         " md_m,inclination_deg,azimuth_deg; say which columns they are with"
@@ -220,7 +220,8 @@ class _ListReader:
         self.of = {what: _definitive(what, found) for what, found in columns.of.items()}
         self.remarks: list[Remark] = [*(() if provenance is None else provenance.remarks), *table.remarks]
         for one in columns.unread:
-            self._say(RemarkKind.COLUMN_NOT_READ, f"{self.name}: column {one.name!r} is not understood and not read")
+            text = f"{self.name}: column {one.name!r} was not recognised and is not read"
+            self._say(RemarkKind.COLUMN_NOT_READ, text)
         needed = [self.of[what][0].number for what in ("md", "inclination", "dip", "azimuth") if what in self.of]
         self.rows, left_out = station_rows(self.name, table.rows, needed)
         self.remarks += left_out
@@ -278,8 +279,8 @@ class _ListReader:
         if apart > tolerance:
             names = " and ".join(repr(one.name) for one in found)
             raise ListFileError(
-                f"{self.table.at}: columns {names} could both be the {what}, and they differ; say which by"
-                f" --columns {what}=NAME"
+                f"{self.table.at}: columns {names} could both be the {what}, and they differ; choose one"
+                f" with --columns {what}=NAME"
             )
 
     # Conversion of rows to stations.
@@ -299,7 +300,7 @@ class _ListReader:
         self._refuse_radians(values, angle)
         self._name_nulls()
         texts = {what: self.values.cells(column) for what, column in self.columns.items() if what in TEXTS}
-        found, empty, unused, strange = [], [], 0, set[str]()
+        found, empty, unused, strange = [], [], 0, set[tuple[str, str]]()
         for k, row in enumerate(self.rows):
             said = {what: str(cells[k]).strip() for what, cells in texts.items()}
             numbers = {what: float(v[k]) for what, v in values.items() if math.isfinite(v[k])}
@@ -308,13 +309,13 @@ class _ListReader:
                 continue
             use, quality = said.get("in_use", "").lower(), said.get("verdict", "").lower()
             if quality == "reject" and self.columns["verdict"].name.lower() != "verdict":
-                # In the column "verdict" of this project such a station is listed.
+                # Rejected stations are used only from exports of this program, which name the column "verdict".
                 quality = "rejected"
-            words = {_NUMBERED.get(use, use), quality}
-            if words & _UNUSABLE:
+            words = {"in_use": _NUMBERED.get(use, use), "verdict": quality}
+            if _UNUSABLE & {*words.values()}:
                 unused += 1
                 continue
-            strange |= words - _USABLE - _DOUBTFUL
+            strange |= {(what, word) for what, word in words.items() if word not in _USABLE | _DOUBTFUL}
             if "md" not in numbers or angle not in numbers:
                 empty.append(row)
                 continue
@@ -326,10 +327,7 @@ class _ListReader:
         if unused:
             text = f"{self.name}: {unused} surveys that were not in use are left out"
             self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(unused))
-        if strange:
-            quoted = ", ".join(map(repr, sorted(strange)[:QUOTED]))
-            text = f"{self.name}: it is not understood whether {quoted} accepts a station; these stations are used"
-            self._say(RemarkKind.COLUMN_NOT_READ, text)
+        self._name_strange(strange)
         if not found:
             if unused:
                 raise ListFileError(f"{self.name}: none of its {unused} surveys is in use")
@@ -337,6 +335,16 @@ class _ListReader:
         if angle == "dip":
             found = self._from_horizontal(found)
         return self._increasing(self._downwards(self._of_one_leg(found)))
+
+    def _name_strange(self, strange: set[tuple[str, str]]) -> None:
+        """Add a remark for each column with words, given by quantity, that neither accept nor reject a station."""
+        for what in sorted({what for what, _ in strange}):
+            quoted = ", ".join(repr(word) for _, word in sorted(one for one in strange if one[0] == what)[:QUOTED])
+            text = (
+                f"{self.name}: column {self.columns[what].name!r} has words that were not recognised ({quoted}); the"
+                " stations with these words are used"
+            )
+            self._say(RemarkKind.COLUMN_NOT_READ, text)
 
     def _downwards(self, found: list[_ListedStation]) -> list[_ListedStation]:
         """Return the stations from top to bottom; a list written from the bottom up, as a log is, is turned over."""
@@ -397,7 +405,7 @@ class _ListReader:
         if small and np.any(azi % 1.0 > 0.0) and np.any(inc % 1.0 > 0.0):
             raise ListFileError(
                 f"{self.table.at}: no angle of the list is larger than {np.max(np.abs(azi)):.4g}, and no unit is named:"
-                " they may be radians; say it with --angle-unit rad or --angle-unit deg"
+                " they may be radians; set the unit with --angle-unit rad or --angle-unit deg"
             )
 
     def _from_horizontal(self, found: list[_ListedStation]) -> list[_ListedStation]:
@@ -440,8 +448,8 @@ class _ListReader:
             raise ListFileError(
                 f"{self.table.at}: column {column.name!r} has angles from the horizontal, from"
                 f" {math.degrees(dips.min()):g} to {math.degrees(dips.max()):g} deg, and the list does not say whether"
-                " positive ones point down or up; say it with --dip down or --dip up. If they are inclinations from the"
-                f" vertical, say so with --columns inclination={column.name}"
+                " positive ones point down or up; set it with --dip down or --dip up. If they are inclinations from the"
+                f" vertical, read them with --columns inclination={column.name}"
             )
         text = (
             f"{self.name}: column {column.name!r} has angles from the horizontal, positive {way} {why}; converted to"
@@ -568,7 +576,7 @@ class _ListReader:
         """
         Return the north of the azimuths, as stated by the caller, the rows, the column or the head; "" if not stated.
 
-        Raises ListFileError if statements of the file contradict each other or are not understood.
+        Raises ListFileError if statements of the file contradict each other or are not recognised.
         """
         if self.given.north:
             stated = {list_columns.north_of(row.texts.get("azimuth_reference", "")) for row in rows}
@@ -585,7 +593,9 @@ class _ListReader:
         norths = {list_columns.north_of(word) for word in said}
         if "" in norths:
             strange = next(word for word in sorted(said) if not list_columns.north_of(word))
-            raise ListFileError(f"{self.name}: azimuths from {strange!r}: not understood; say their north with --north")
+            raise ListFileError(
+                f"{self.name}: the north of the azimuths, {strange!r}, was not recognised; set it with --north"
+            )
         if len(norths) > 1:
             words = " and ".join(sorted(norths))
             raise ListFileError(
@@ -594,19 +604,19 @@ class _ListReader:
         column = self.columns["azimuth"]
         if column.strange and not (column.north or norths or self.given.angle_unit):
             raise ListFileError(
-                f"{self.table.at}: {column.strange!r} in the name of column {column.name!r} is understood neither as a"
-                " unit nor as a north; say them with --north and --angle-unit"
+                f"{self.table.at}: {column.strange!r} in the name of column {column.name!r} was recognised neither as"
+                " a unit nor as a north; set them with --north and --angle-unit"
             )
         own = norths.pop() if norths else column.north
         if not own and self.head.strange_north:
             raise ListFileError(
-                f"{self.name}: its head gives the north of the azimuths as {self.head.strange_north!r}, which is not"
-                f" understood; say {', '.join(NORTHS)} with --north"
+                f"{self.name}: its head gives the north of the azimuths as {self.head.strange_north!r}, which was not"
+                f" recognised; set {', '.join(NORTHS)} with --north"
             )
         if own and self.head.north and own != self.head.north and len(self.of["azimuth"]) == 1:
             raise ListFileError(
                 f"{self.table.at}: column {column.name!r} has azimuths from {own} north, the head of the list says"
-                f" {self.head.north}; say which with --north"
+                f" {self.head.north}; set the right one with --north"
             )
         return own or self.head.north
 

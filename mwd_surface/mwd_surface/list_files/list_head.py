@@ -90,11 +90,11 @@ class Head:
     """Facts that the head of a list states."""
 
     north: str = ""  #: one of NORTHS, or ""
-    strange_north: str = ""  #: words that were not understood
+    strange_north: str = ""  #: words that were not recognised
     #: `length_unit`, `angle_unit`: as in LENGTH_UNITS and ANGLE_UNITS, or ""
     length_unit: str = ""
     angle_unit: str = ""
-    strange_unit: str = ""  #: words that were not understood
+    strange_unit: str = ""  #: words that were not recognised
     map_unit: str = ""  #: unit of map coordinates and offsets
     #: unit of the elevation of the depth datum, such as the kelly bushing; depths usually have the same unit
     hinted_unit: str = ""
@@ -107,7 +107,7 @@ def read_head(lines: Iterable[str]) -> Head:
     """
     Return the facts in the lines of a head; if two lines state the same fact, the last line counts.
 
-    Sentences about azimuths that name different norths, or none that is understood, are kept in `strange_north`.
+    Sentences about azimuths that name different norths, or none that is recognised, are kept in `strange_north`.
     """
     head = Head()
     x = y = None
@@ -120,7 +120,7 @@ def read_head(lines: Iterable[str]) -> Head:
             if named := north_of(part) if not _OF_OTHERS.search(part) else "":
                 told[named] = line.strip()
             elif _SENTENCE.search(part) and mentions_north(part):
-                # Quote a sentence about azimuths whose north is not understood. Ignoring it would treat the north as
+                # Quote a sentence about azimuths whose north is not recognised. Ignoring it would treat the north as
                 # not stated.
                 strange.append(line.strip())
         head = _units(_north(head, line), line)

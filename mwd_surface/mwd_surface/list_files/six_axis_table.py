@@ -239,7 +239,7 @@ def _depth(
     """
     Return the column of the measured depth, by the names and units of lists of stations, and add its factor to m.
 
-    Without such a column, the depth of the bit is used. Raises ValueError if a unit is not understood, or if two
+    Without such a column, the depth of the bit is used. Raises ValueError if a unit is not recognised, or if two
     columns differ.
     """
     found = list(list_columns.find(names).of.get("md", ()))
@@ -253,7 +253,7 @@ def _depth(
     found.sort(key=lambda one: not one.unit)
     for one in found:
         if one.strange or one.unit not in (*LENGTH_UNITS, ""):
-            raise ValueError(f"{one.name}: {one.strange or one.unit!r} is not understood; write md_m or md_ft")
+            raise ValueError(f"{one.name}: {one.strange or one.unit!r} was not recognised; write md_m or md_ft")
     depths = []
     for one in found:
         name, factor = names[one.number], LENGTH_UNITS.get(one.unit, 1.0)
@@ -361,7 +361,7 @@ def _missing(names: Sequence[str], words: str, stems: Sequence[str], axial: str 
     units = _FIELD if words == "magnetic field" else _ACCELERATION
     by_letter = [name for name in names if _stem(name, units) in lettered]
     if axial is None and len(by_letter) >= 3:
-        return f"{words}: columns {', '.join(by_letter)} do not say which letter runs down-hole: say axial x or axial z"
+        return f"{words}: columns {', '.join(by_letter)} do not show which axis points down-hole: set axial to x or z"
     suffix = "nt" if words == "magnetic field" else "mps2"
     wanted = [f"{stems[0]}_{axis}_{suffix}" for axis in _AXES]
     missing = [name for name in wanted if _stem(name, units) not in {_stem(other, units) for other in names}]
@@ -474,7 +474,9 @@ class TableStation:
     time: str
     station: Station
     run: str = ""
-    first: Station | None = None  #: result from this and earlier stations of the run only; None if computed alone
+    #: First value: result from this station and the earlier stations of the run. None if the station was computed
+    #: without other stations.
+    first: Station | None = None
     outlier: bool = False  #: whether the field disagrees with the other stations of the run
 
 

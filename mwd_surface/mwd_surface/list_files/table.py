@@ -406,7 +406,8 @@ def _spaced(
     numeric = [sum(looks_like_number(cell) for cell in row.cells) for row in grid]
     rows = [k for k in range(1, len(grid)) if numeric[k] > 2]
     likely = [k for k in rows if numeric[k] >= len(grid[k].cells) - 1]
-    # Without rows of numbers with at most one word, rows with several words, such as date and clock, count.
+    # Rows of data have at most one cell that is not a number. If there are none, accept rows with more such cells, for
+    # example a date and a time of day.
     likely = likely or [k for k in rows if 2 * numeric[k] > len(grid[k].cells)]
     if not likely or likely[0] > _HEAD:
         return None

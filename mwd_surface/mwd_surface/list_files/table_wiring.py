@@ -37,8 +37,8 @@ _DIP_FITS, _DIRECTION_OFF, _DIRECTION_FITS, _BETTER = math.radians(1.5), math.ra
 # _LEAST_ROWS is the smallest number of rows for a decision: one row fits one of 48 wirings by chance in a third of the
 # cases, three rows in one of 10 000.
 _FEW, _MOST, _LEAST_ROWS = 0.2, 0.8, 3
-# Inclination above which a hole goes up, rad, beyond the horizontal by more than landings overshoot; and inclination
-# that only holes drilled upwards in a mine reach, rad.
+# Inclination above which a hole goes up, rad: a horizontal well that was landed too steeply stays below it. And
+# inclination that only holes drilled upwards in a mine reach, rad.
 _UPWARDS, _NO_HOLE = math.radians(95.0), math.radians(120.0)
 # Attitudes that differ by more than this, rad, show the wiring independently.
 _ANOTHER_ATTITUDE = math.radians(10.0)
@@ -49,7 +49,7 @@ _NAMED = 4
 # An axis is dead if its range is less than the share _CONSTANT of the total although the total and the other axes
 # require a range above the share _MOVES.
 _CONSTANT, _MOVES = 5e-4, 0.1
-# A total is wrong if its relative error exceeds this part of _GRAVITY_SHARE or _FIELD_SHARE.
+# A total is wrong if its relative error exceeds _OFF_SHARE times _GRAVITY_SHARE or _FIELD_SHARE.
 _OFF_SHARE = 0.3
 
 

@@ -84,7 +84,7 @@ class DiagnosticsMonitor:
     def _follow_end(self, node: str, over: bool) -> None:
         """Store whether a simulation or replay has ended, until the same node reports that it runs again."""
         if over and self.over_at is None:
-            self._alarm_log.log_event("scenario", "over: no more samples come, and their absence raises no alarm")
+            self._alarm_log.log_event("scenario", "the run is over; missing samples no longer raise an alarm")
             self.over_at, self.over_by = self._clock.now, node
         elif not over and node == self.over_by:
             self.over_at, self.over_by = None, ""

@@ -198,7 +198,7 @@ class DepthSources:
     def _row(self, key: str, state: InputState, name: str, live: dict[str, float]) -> InputState:
         role = Role.SILENT if key not in live else Role.IN_FORCE if key == name else Role.STANDBY
         source = name or "nothing"
-        reason = {Role.STANDBY: f"{source} is used", Role.SILENT: "no depth comes from it"}.get(role, "")
+        reason = {Role.STANDBY: f"{source} is used", Role.SILENT: "sends no depth"}.get(role, "")
         priority = self._selection.rank(key) + (2 if self._hand is not None else 1)
         return dataclasses.replace(state, role=role, priority=priority, bit_depth=self._depths[key][1], reason=reason)
 

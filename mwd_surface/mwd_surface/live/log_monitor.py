@@ -108,7 +108,7 @@ class LogMonitor:
 
 
 def is_pumping(sample: Any) -> bool | None:
-    """Return whether the rig pumps, judged by its flow; None if the sample has no valid flow."""
+    """Return whether the pumps of the rig are on, from its flow; None if the sample has no valid flow."""
     known = bool(sample["valid"] & RIG_VALID["flow_rate"])
     return float(sample["flow_rate"]) > LEAST_FLOW if known else None
 

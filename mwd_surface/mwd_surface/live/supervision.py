@@ -205,7 +205,7 @@ TABLE = (
 
 class Supervision:
     """
-    Evaluation of readings by the table of supervision.
+    Evaluation of readings by the limits in `TABLE`.
 
     prefixes: first parts of all alarm ids, for `AlarmLog.set_alarms`.
     """
@@ -348,7 +348,7 @@ def not_evaluated(heard: Collection[str], judged: Collection[str], *, over_link:
     """
     Return the kinds of alarms that could not be evaluated, in words.
 
-    heard: topics of which a message has arrived. judged: rows of the table of supervision that had a reading.
+    heard: topics of which a message has arrived. judged: alarm ids of the rows of `TABLE` that had a reading.
     """
     kinds = (*(_OVER_LINK if over_link else _DIRECT), *_ALWAYS)
     missing = [words for words, topics in kinds if not any(topic in heard for topic in topics)]

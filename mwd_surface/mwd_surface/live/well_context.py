@@ -60,7 +60,7 @@ class WellOutlet:
         return False
 
     def readings(self) -> dict[str, float]:
-        """Return readings of this computer for the table of supervision; empty for a recording."""
+        """Return the state of the recorder's queue and of the disk for `supervision.TABLE`; empty for a recording."""
         return {}
 
     def run(self, job: Callable[[], Any], done: Callable[[concurrent.futures.Future[Any]], None]) -> None:

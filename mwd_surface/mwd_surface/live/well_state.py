@@ -142,7 +142,7 @@ class RigState:
 
     @property
     def pumps_on(self) -> bool | None:
-        """Whether the pumps are on, judged by flow or else by standpipe pressure; None if the rig reports neither."""
+        """Whether the pumps are on, from the flow or, without it, the standpipe pressure; None without either."""
         for measured, least in ((self.flow_rate, LEAST_FLOW), (self.pressure, _LEAST_PRESSURE)):
             if measured.state == Freshness.LIVE and measured.value is not None:
                 return measured.value > least

@@ -138,7 +138,7 @@ class NodeOutlet(WellOutlet):
 
     def readings(self) -> dict[str, float]:
         """
-        Return readings for the supervision table, by their names in the table.
+        Return readings for `supervision.TABLE`, by their alarm ids.
 
         The readings are the fill of the recorder's queue, %, and the inverse of the free space on the disk, 1/GB.
         """

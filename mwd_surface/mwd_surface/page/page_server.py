@@ -639,11 +639,11 @@ class QuietPeer(asyncio.Protocol):
         self._inner.connection_lost(error)
 
     def pause_writing(self) -> None:
-        """Pass on that the peer reads slowly."""
+        """Tell the request handler to stop writing, because the send buffer is full (the peer reads slowly)."""
         self._inner.pause_writing()
 
     def resume_writing(self) -> None:
-        """Pass on that the peer reads again."""
+        """Tell the request handler to continue writing, because the send buffer has room again."""
         self._inner.resume_writing()
 
 

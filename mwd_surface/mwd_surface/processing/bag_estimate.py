@@ -313,7 +313,7 @@ class BagEstimate:
 
     def _leave_out_skewed(self, samples: BlockSamples, block: Block) -> None:
         """
-        Leave out sensors whose clock differs from the IMU's by more than `_SKEW_S`, judged by the log times.
+        Leave out sensors whose clock differs from the IMU's by more than `_SKEW_S` according to the log times.
 
         A warning names the sensors left out.
         """
@@ -335,7 +335,7 @@ class BagEstimate:
                 words = f"{topic}: the stamps are seconds ahead of the stamps of {topics.imu}" if skew_s > 0.0 else ""
                 words = words or f"{topic}: the stamps are seconds behind the stamps of {topics.imu}"
                 words = (
-                    f"{words}, judged by the times of recording; such samples are not used; stamp both with one clock"
+                    f"{words}, as the times of recording show; these samples are not used; stamp both with one clock"
                 )
                 self._summary.warnings += [words] * (words not in self._summary.warnings)
 

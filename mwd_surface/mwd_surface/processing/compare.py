@@ -38,10 +38,11 @@ LIMITS = (
     "survey_toolface_deg",
     "survey_sigma_share",  # difference of a station's sigma, relative to the expected sigma
     "survey_stamp_s",  # difference between the times of a station in the two runs
-    "attitude_inclination_deg",  # largest difference at any sample; the same for the next three limits
+    # Largest difference between the two runs at any sample; "gravity" is the angle between the directions of gravity.
+    "attitude_inclination_deg",
     "attitude_azimuth_deg",
     "attitude_toolface_deg",
-    "attitude_gravity_deg",  # angle between the directions of gravity
+    "attitude_gravity_deg",
     "attitude_status_share",  # share of the samples whose status words differ
 )
 _STATION_ANGLES = (("inclination_deg", False), ("azimuth_deg", True), ("toolface_deg", True))

@@ -288,7 +288,7 @@ def asked_span(bag: Bag, given: InputSettings) -> tuple[int | None, int | None]:
 
 def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> list[StreamProblem]:
     """
-    Return the reasons why the samples of a recording cannot be used, judged by the first samples.
+    Check the first samples of a recording; return the reasons why its samples cannot be used.
 
     place : if the field model needs a date that `place` does not give, the clock of the IMU must have been set.
     """

@@ -60,7 +60,7 @@ def read(path: Path, encoding: str) -> tuple[dict[str, list[str]], int]:
                     column.append(cell)
                 count += 1
                 budgets.PRESSURE_JSON.check("columns", len(columns))
-                # Count the cells of a full table: a sample may lack quantities in the file, or share a value.
+                # Count the cells of the complete table, including empty ones: samples may lack some quantities.
                 budgets.PRESSURE_JSON.check("records", count * max(len(columns), 1))
     except BudgetError as error:
         raise BudgetError(f"{path}: {error}") from error

@@ -268,8 +268,8 @@ class _Format:
             self.names += 1
         if layout is None:
             raise ValueError(
-                f"the line {lines[0][:40]!r} does not name time and pressure with their units; say which columns they"
-                " are with --columns time_s=1,pressure_bar=2"
+                f"the line {lines[0][:40]!r} does not name time and pressure with their units; name their columns"
+                " with --columns time_s=1,pressure_bar=2"
             )
         self._layout = layout
         rows = [self._cells(line) for line in lines[self.names :]]
@@ -289,7 +289,7 @@ class _Format:
             except table_times.UnknownUnitError as error:
                 at = layout.time + 1
                 raise ValueError(
-                    f"the time (column {at}) has no unit and {error}; say it with --columns time_s={at} or time_ms={at}"
+                    f"the time (column {at}) has no unit and {error}; set it with --columns time_s={at} or time_ms={at}"
                 ) from error
 
     def samples(self, lines: list[str]) -> tuple[Array | None, Array]:

@@ -336,7 +336,7 @@ class _TableFile:
         if column.unit not in PRESSURES:
             raise ValueError(
                 f"{self.path}: pressure (column {column.name!r}) has no unit of pressure; write pressure_bar or a line"
-                f" of units, or say it with --columns pressure_bar={column.name}; units:"
+                f" of units, or set it with --columns pressure_bar={column.name}; units:"
                 f" {', '.join((*_UNITS, 'v', 'mv', 'ma'))}"
             )
         return column
@@ -371,8 +371,8 @@ class _TableFile:
         found = _pressures(rows) if said is None else [one for one, _ in rows if one.name.lower() == said[1].lower()]
         if len(found) < gauge:
             raise ValueError(
-                f"{self.path}: no tag is {said[1] if said else 'the pressure'}; the tags are {first_of(names)}; say it"
-                " with --columns pressure_bar=NAME"
+                f"{self.path}: no tag is {said[1] if said else 'the pressure'}; the tags are {first_of(names)};"
+                " name it with --columns pressure_bar=NAME"
             )
         column = found[0 if said else gauge - 1]
         if len(names) > 1:
@@ -412,10 +412,10 @@ class _TableFile:
     def missing(self, quantity: str, what: str) -> str:
         """Return the message for a missing column, with the options that name it."""
         if self.headless:
-            return f"{self.path}: no line names the columns; say which are which with --columns time_s=1,pressure_bar=2"
+            return f"{self.path}: no line names the columns; name them with --columns time_s=1,pressure_bar=2"
         return (
             f"{self.path}: there is not {what}; the columns are {first_of(self._table.names)}; name them as in"
-            f" time_s,pressure_bar, or say it with --columns {quantity}=NAME"
+            f" time_s,pressure_bar, or name the column with --columns {quantity}=NAME"
         )
 
     def times(self, value: _Column) -> list[_Column]:
@@ -437,7 +437,7 @@ class _TableFile:
         alike = not clocks or len({_last(_words(one.name, "")[0]) for one in clocks}) == 1
         clocks = clocks or own
         if not clocks:
-            raise ValueError(self.missing("time", "a column of time (or say --columns rate_hz=50)"))
+            raise ValueError(self.missing("time", "a column of time (or set --columns rate_hz=50)"))
         if alike:
             clocks = [one for one in clocks if one.number < value.number][-1:] or clocks
         clock = dataclasses.replace(clocks[0], unit=clocks[0].unit or self._unit_in_cells(clocks[0].number))
@@ -674,7 +674,7 @@ class _TableFile:
             return table_times.of_numbers(numbers, column.unit)
         except table_times.UnknownUnitError as error:
             raise ValueError(
-                f"{self.path}: time (column {column.name!r}) has no unit and {error}; say it with --columns"
+                f"{self.path}: time (column {column.name!r}) has no unit and {error}; set it with --columns"
                 f" time_ms={column.name} or time_s={column.name}"
             ) from error
 

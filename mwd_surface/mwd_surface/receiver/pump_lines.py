@@ -168,7 +168,7 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
 
 
 class Crank(NamedTuple):
-    """Turning of a pump, from its counted strokes."""
+    """Rotation of a pump, from its counted strokes."""
 
     #: `cosine`, `sine`: shape (n,); cosine and sine of the crank angle; both are 0 where the angle is unknown.
     cosine: Array
@@ -177,7 +177,7 @@ class Crank(NamedTuple):
 
 
 def crank(angle: Array) -> Crank:
-    """Return the turning of a pump with a crank angle, rad, shape (n,), which is NaN where it is unknown."""
+    """Return the rotation of a pump from its crank angle, rad, shape (n,); NaN where the angle is unknown."""
     steps = np.diff(angle)
     steps = steps[np.isfinite(steps)]
     highest = int(_HIGHEST * math.pi / max(median(steps), 1e-9)) if len(steps) else 0

@@ -268,7 +268,7 @@ class WavStream:
         while len(self._open) >= at + 8:
             name, size = struct.unpack_from("<4sI", self._open, at)
             if (name == b"data" and form is None) or (name == b"fmt " and size < 16):
-                raise ValueError("the WAV does not say the form of its samples")
+                raise ValueError("the WAV does not state the format of its samples")
             if name == b"data":
                 del self._open[: at + 8]
                 return form

@@ -88,7 +88,7 @@ def _factor(numbers: Array) -> float:
         return DAY_S
     step = float(np.median(steps))
     if not step < 1.0:
-        raise UnknownUnitError(f"steps by {step:g}, which may be s or ms")
+        raise UnknownUnitError(f"rises by {step:g} per row, which may be s or ms")
     return 1.0
 
 

@@ -38,7 +38,7 @@ class ReceivedWord:
     name: str
     unit: str
     raw: int  #: most probable code
-    value: float  #: value of that code, in the unit of the word; NaN for the code that means "no measurement"
+    value: float  #: value of `raw`, in the unit of the word; NaN if `raw` is the code that means "no measurement"
     confidence: float  #: probability that the code is right
     sigma: float  #: 1 sigma of the value if the code is right, in the unit of the word
     #: "believed"; or "erased" if the confidence is below the level for its kind or the tool had no measurement; or

@@ -110,7 +110,11 @@ class RosConformance:
             ("a signed set-point that another sends again", "refused", self._replayed),
             ("a signed heartbeat that another sends again", "no heartbeat: the lease ends", self._replayed_beat),
             ("a request that is not signed", "denied", self._unsigned_request),
-            ("a set-point that was measured an hour ago, or will be", "judged by the time it arrives", self._stamps),
+            (
+                "a set-point whose stamp is an hour old, or in the future",
+                "its age counts from its arrival",
+                self._stamps,
+            ),
             ("a person grants a request that nobody has made", "refused", self._grants_nothing),
         ]
 

@@ -142,11 +142,11 @@ class SteadyTime:
         return time.monotonic_ns() + self._ahead_ns
 
     def of(self, wall_ns: int) -> int:
-        """Return this time, ns, for a recent reading of the wall clock, ns."""
+        """Convert a recent reading of the wall clock, ns, to this time, ns."""
         return wall_ns + self._shift_ns()
 
     def wall_of(self, steady_ns: int) -> int:
-        """Return the reading of the wall clock, ns, for a recent value of this time, ns."""
+        """Convert a recent value of this time, ns, to the reading of the wall clock at that moment, ns."""
         return steady_ns - self._shift_ns()
 
     def _shift_ns(self) -> int:

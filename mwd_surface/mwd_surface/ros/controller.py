@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controller of the rig on the ROS graph: sends requests, set-points, heartbeats and the release, all sealed."""
+"""Controller of the rig on the ROS graph: sends signed requests, set-points, heartbeats and the release."""
 
 from __future__ import annotations
 

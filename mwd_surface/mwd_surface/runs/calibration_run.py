@@ -246,11 +246,11 @@ def residuals(found: Calibration) -> list[tuple[str, int, float, float, str]]:
     """
     ug, nt, mrad = 1e6 / STANDARD_GRAVITY, 1e9, 1e3
     rows = [
-        ("accelerometers", found.accelerometer, ug, "µg of gravity's strength"),
-        ("gyros", found.gyro, mrad, "mrad of gravity's direction after a turn"),
+        ("accelerometers", found.accelerometer, ug, "µg (strength of gravity)"),
+        ("gyros", found.gyro, mrad, "mrad (direction of gravity after a turn)"),
     ]
     if found.magnetometer is not None:
-        rows.append(("magnetometers", found.magnetometer, nt, "nT of the field's strength and dip"))
+        rows.append(("magnetometers", found.magnetometer, nt, "nT (strength and dip of the field)"))
     return [(name, triad.poses, triad.before * scale, triad.after * scale, unit) for name, triad, scale, unit in rows]
 
 

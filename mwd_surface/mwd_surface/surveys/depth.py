@@ -71,7 +71,7 @@ class DepthRules(DepthJumpRules):
     )
     clock_limit: float = setting(
         20.0,
-        "Largest difference between the clocks of rig and sonde, judged by the order in which their data arrive. "
+        "Largest difference between the clocks of rig and sonde, estimated from the order in which their data arrive. "
         "With a larger difference surveys get no depth from the rig. Raise it for rig data that arrive later than "
         "this.",
         unit="s",

@@ -114,7 +114,7 @@ class _Open:
     magnetic: float = 0.0
 
     def closed(self) -> DrilledStretch:
-        """Return the stretch with the means of speed and toolface."""
+        """Return this stretch as a row of the slide sheet, with the mean rotary speed and the mean toolface."""
         length = self.to_depth - self.from_depth
         known = self.mode == SLIDE and self.faced > 0.0 and abs(self.faces) > 0.0
         return DrilledStretch(

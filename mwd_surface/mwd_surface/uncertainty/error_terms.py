@@ -79,7 +79,7 @@ class ErrorTerm:
     #: shape (n, 3); shift of all deeper stations due to the error at a station, m, in true north, east, down; 0 for
     #: stations of other tools
     error: Array
-    own: Array  #: shape (n, 3); shift of the station itself due to its error, m
+    own: Array  #: shape (n, 3); shift of a station due to the error at this station, m, axes as `error`
     #: shape (n, 3); error of measured depth, m, inclination and azimuth, rad, that causes both shifts; 0 for errors of
     #: the course between stations, which are position errors. The error of the azimuth grows without limit towards the
     #: vertical.

@@ -94,7 +94,7 @@ def test_a_trajectory_is_the_same_in_any_unit_of_energistics(stations, uom, angl
 
 def test_a_unit_of_another_quantity_is_quoted():
     stations = np.array([0.0, 30.0]), np.array([0.0, 0.1]), np.array([0.0, 1.0])
-    with pytest.raises(ListFileError, match="'mrad', which is not a unit"):
+    with pytest.raises(ListFileError, match="'mrad', which is not a known unit"):
         list_of(witsml(stations, "m").replace(b'uom="m"', b'uom="mrad"'))
 
 

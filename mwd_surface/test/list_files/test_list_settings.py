@@ -129,8 +129,8 @@ def test_plan_of_the_node_and_offset_well_take_the_same_words(name, tmp_path):
     ("text", "written"),
     [
         ("confirm it with --confirm dogleg", "confirm it with plan.confirm=dogleg"),
-        ("say it with --decimal point or --decimal comma", "say it with plan.decimal=point or plan.decimal=comma"),
-        ("say them with --north and --angle-unit", "say them with plan.north=... and plan.angle_unit=..."),
+        ("set it with --decimal point or --decimal comma", "set it with plan.decimal=point or plan.decimal=comma"),
+        ("set them with --north and --angle-unit", "set them with plan.north=... and plan.angle_unit=..."),
         ("leave one out with --columns map_north=,map_east=", "leave one out with plan.columns=map_north=,map_east="),
         ("or --columns md=NAME,inclination=NAME; got", "or plan.columns=md=NAME,inclination=NAME; got"),
     ],

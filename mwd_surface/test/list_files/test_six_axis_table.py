@@ -152,7 +152,7 @@ def test_a_table_that_cannot_be_understood_is_refused_with_a_hint(change, words)
 def test_letters_without_word_of_the_axis_are_refused_by_name():
     g_t, b_t, _, _ = shots()
     table = {f"g{c}": g_t[:, k] for k, c in enumerate("xyz")} | {f"b{c}": b_t[:, k] * 1e9 for k, c in enumerate("xyz")}
-    with pytest.raises(ValueError, match="gx, gy, gz do not say which letter runs down-hole"):
+    with pytest.raises(ValueError, match="gx, gy, gz do not show which axis points down-hole"):
         stations(table)
     with pytest.raises(ValueError, match="not x or z"):
         stations(table, axial="y")

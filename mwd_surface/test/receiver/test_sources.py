@@ -167,8 +167,8 @@ DATA = b"data\0\0\0\0" + bytes(400)
     [
         (b"this is no sound at all", "not a WAV"),
         (b"RIFF\0\0\0\0WAVE" + FORM + struct.pack("<HHIIHH", 17, 1, 50, 50, 1, 8) + DATA, "form 17"),
-        (b"RIFF\0\0\0\0WAVE" + struct.pack("<4sI", b"fmt ", 4) + bytes(4) + DATA, "form of its samples"),
-        (b"RIFF\0\0\0\0WAVE" + DATA, "form of its samples"),
+        (b"RIFF\0\0\0\0WAVE" + struct.pack("<4sI", b"fmt ", 4) + bytes(4) + DATA, "format of its samples"),
+        (b"RIFF\0\0\0\0WAVE" + DATA, "format of its samples"),
         (b"RIFF\0\0\0\0WAVE" + struct.pack("<4sI", b"junk", 2**32 - 1) + bytes(3_000_000), "no samples"),
         (b"RIFF\0\0\0\0WAVE" + 400_000 * struct.pack("<4sI", b"junk", 0), "no samples"),
     ],

@@ -23,9 +23,10 @@ SWING_TIME = 0.5  # time constant of the three high-passes, s
 SWING_MEMORY = 2.1  # averaging time of the displacement, s
 RIPPLE_TIME = 0.03  # time constant of the three high-passes of the roll, s: stick-slip and rotation do not pass
 START_DISPLACEMENT = 0.1  # displacement assumed at a start, m
-ROTATING = 3.0  # mean rate about the axis above which the circle of the lever arm is removed, rad/s
-WALK_PER_DISPLACEMENT = 2.7  # ratio of the random walk of the resting point to the observed displacement, 1/sqrt(s)
-FOLDED_LEAST = 0.6  # (m/s^2)^2 s, smallest density of the force that may be aliased vibration
+ROTATING = 3.0  # mean rate about the axis above which the circular motion of the sensor is subtracted, rad/s
+# Ratio of the random walk of the resting point (`measurement`) to the observed displacement, 1/sqrt(s).
+WALK_PER_DISPLACEMENT = 2.7
+FOLDED_LEAST = 0.6  # (m/s^2)^2 s, spectral density of the force below which vibration does not count as aliased
 # Averaging time of the displacement that shows aliasing: FOLDED_MEMORY, s, but after a start at most FOLDED_FIRST, s,
 # plus FOLDED_AGE times the time since the start.
 FOLDED_MEMORY, FOLDED_FIRST, FOLDED_AGE = 20.0, 2.0, 0.5
@@ -103,7 +104,7 @@ def follow_motion(s: BoundedRecord, w: Array) -> None:
         moved = motion.velocity[j] * T + s.sums.position[j] - 0.5 * slow * T * T
         motion.position[j] = keep * (motion.position[j] + moved)
         motion.velocity[j] = keep * (motion.velocity[j] + s.sums.velocity[j] - slow * T)
-        # The circle of the lever arm is not vibration: high-pass it in the same way, to subtract it.
+        # The circle on which rotation moves the sensor is not vibration: high-pass it in the same way, to subtract it.
         arm = s.C[j, 1] * s.lever[0] + s.C[j, 2] * s.lever[1]
         for n in range(3):
             motion.arm[j, n] += (1.0 - keep) * (arm - motion.arm[j, n])

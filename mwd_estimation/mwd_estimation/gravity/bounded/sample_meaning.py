@@ -23,7 +23,11 @@ LEAST_DENSITY = 0.5  # lower limit of the density of the innovations, by which t
 
 
 def in_words(found: str) -> str:
-    """Return a sentence about the detected kind of the samples (`BoundedState.samples_are`); "" if `found` is ""."""
+    """
+    Return a warning that the samples are not strapdown-integrated although the settings say so; "" if `found` is "".
+
+    found: kind of the samples that the filter detected (`BoundedState.samples_are`).
+    """
     if not found:
         return ""
     return (

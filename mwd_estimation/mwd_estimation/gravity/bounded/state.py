@@ -254,7 +254,7 @@ class BoundedState:
 
     @property
     def samples_are(self) -> str:
-        """Kind of the samples according to the data ("points"), if it differs from the settings; otherwise empty."""
+        """Kind of the samples ("points") that the filter detected if the settings state another; otherwise empty."""
         return "points" if self.record[0]["meaning"]["changed"] else ""
 
     def keep_meaning(self, other: BoundedState) -> None:

@@ -84,7 +84,7 @@ def is_coarse(angles: Array) -> np.ndarray:
 
 
 def places(angles: Array) -> Indices:
-    """Return the steps of the circle, 0 to `STEPS`, of angles that come from `coarse` or `refined`."""
+    """Return the index, 0 to `STEPS`, of the step of the circle at which each angle from `coarse` or `refined` lies."""
     return np.rint(angles * (STEPS / math.tau)).astype(np.intp)
 
 

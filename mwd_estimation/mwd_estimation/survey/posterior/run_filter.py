@@ -36,8 +36,9 @@ from mwd_sensors.core.arrays import Array, Indices
 
 # A filter always keeps at least this share of its prior probability, so that later stations can make it probable again.
 _FLOOR = 1e-3
-# A point whose share is smaller than this fraction of the largest share of its filter does not update the states. The
-# same limit applies to a second filter relative to its first filter.
+# Smallest share that updates the states: a point of the grid of azimuths is left out if its share is below this
+# fraction of the largest share of its filter, and a second filter (`_branched`) if its share is below this fraction of
+# that of its first filter.
 _LEAST = 1e-4
 # A filter with a lower probability on the coarse grid is not evaluated on the fine grid.
 _HOPELESS = 1e-6
@@ -116,7 +117,7 @@ class RunFilter:
             self.filters = self.filters.with_gyro()
 
     def _of_filters(self, state: RunState) -> RunState:
-        """Return the state with all filters; a state before the first seek lacks the filters with a gyro adrift."""
+        """Return the state with all filters; before the first seek it lacks the filters in which the gyro drifts."""
         if len(state.mean) % len(self.filters.weight) == 0:
             return state
         return dataclasses.replace(
@@ -179,9 +180,9 @@ class RunFilter:
         """
         Predict the drift of the gyro from the last seek taken to this one, which may be an earlier seek of the run.
 
-        The gyro may begin to drift between the two seeks. The error of a gyro adrift is a constant plus a walk that is
-        zero at the first seek of the run, so that stations may be taken in any order. age: time of this seek since the
-        first one of the run, h; lasting: 1 sigma of the constant part of the gyro's azimuth error, rad.
+        The gyro may begin to drift between the two seeks. The error of a drifting gyro is a constant plus a random walk
+        that is zero at the first seek of the run, so that stations may be taken in any order. age: time of this seek
+        since the first one of the run, h; lasting: 1 sigma of the constant part of the gyro's azimuth error, rad.
         """
         state, adrift = self.state, self.filters.adrift
         begins = self.priors.gyro_fails if state.drifted else self.priors.gyro_adrift
@@ -220,7 +221,7 @@ class RunFilter:
         count, scale = len(prior), np.sqrt(variance)
         # The nominal sigmas of both models may differ, because each follows from the first reference of its model.
         unit = np.divide(self.sigma, later.sigma, out=np.ones(SIZE), where=later.sigma > 0.0)
-        # Observations by the stations after: value, variance and slopes by the shared errors.
+        # Treat the later stations as observations of the shared errors: value, variance and derivatives.
         whitened = second.covariance.reshape(-1, count, SIZE, SIZE) / (scale[:, :, None] * scale[:, None, :])
         size, axes = np.linalg.eigh(whitened)
         used = int((size < _UNKNOWN).sum(axis=-1).max())
@@ -261,7 +262,7 @@ class RunFilter:
         """
         variance, prior, adrift = later.filters.variance.copy(), self.filters.weight.copy(), self.filters.adrift
         lasting = self.state.lasting if math.isfinite(self.state.lasting) else later.state.lasting
-        # Without a seek that counts, no filter is adrift yet.
+        # Without a seek that counts, no filter assumes a drift of the gyro yet.
         if adrift.any() and math.isfinite(lasting):
             age = self.state.age
             for one in (self, later):
@@ -423,7 +424,8 @@ class RunFilter:
 
         weight = by_filter(weight)
         state.mean, state.covariance = _merged(weight, by_filter(mean), by_filter(covariance))
-        # A filter keeps a small part of its prior weight; one with a gyro adrift gets its weight from `_drift`.
+        # Every filter keeps at least `_FLOOR` of its prior weight, except the filters in which the gyro drifts: their
+        # weights come from `_drift`.
         joined = np.maximum(weight.sum(axis=1), np.where(self.filters.adrift, 0.0, _FLOOR * self.filters.weight))
         state.log_weight, state.changed = np.log(np.maximum(joined / joined.sum(), 1e-300)), 0.0
 

@@ -375,8 +375,8 @@ class ToolFlow:
         # Time of the last flow that the rig reported, and time at which the flow reached its present side of the
         # threshold, s; -inf if unknown.
         self._at_s = self._since_s = -math.inf
-        # Newest flow on the present side of the threshold, m^3/s, and whether later flows were on the other side, for
-        # too short a time to change the side.
+        # Newest flow on the accepted side of the threshold, m^3/s; and whether the newest reported flow is on the other
+        # side, but not yet for long enough to be accepted.
         self._rate, self._changing = 0.0, False
         self._word_s = -math.inf
 

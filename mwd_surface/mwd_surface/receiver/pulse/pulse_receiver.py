@@ -20,7 +20,8 @@ from mwd_surface.receiver.pulse.tracker import Tracker
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.words import Reception
 
-# The search for syncs advances in hops; each also needs data before it for the noise model and after it for the pulses.
+# The search for syncs advances by one hop (an interval of this length) at a time. To search a hop, pressure before it
+# is needed for the noise model, and pressure after it for the pulses that begin in the hop.
 _HOP_TU = 32
 _GUARD_TU = 8
 # Time before and after flow-on plus transmit delay in which a sync is expected. It allows for the valve, the travel
@@ -193,7 +194,7 @@ class PulseReceiver(SampledReceiver):
 
     @property
     def _beyond(self) -> int:
-        """Length of the pressure after a hop that is needed to find the syncs of the hop, TU."""
+        """Length of pressure after a hop that the search for syncs in this hop needs, TU (half a pulse width)."""
         return _GUARD_TU + self._tool.sync.edges_tu[-1] + 16
 
     @property
@@ -203,11 +204,11 @@ class PulseReceiver(SampledReceiver):
 
     @property
     def _searchable(self) -> bool:
-        """Whether the pressure reaches far enough for the next hop of the search."""
+        """Whether enough pressure has arrived to search the next hop."""
         return self._search_needs <= self._grid.end
 
     def _found(self) -> list[tuple[synchronisation.SyncFound, float]]:
-        """Search the next hop; return its syncs with their positions, and forget the pressure no longer needed."""
+        """Search the next hop for syncs; return them with their positions, and drop the pressure no longer needed."""
         pace = STEPS_PER_TU // SAMPLES_PER_TU
         begin_tu, end_tu = self._hop * _HOP_TU, (self._hop + 1) * _HOP_TU
         first_tu = max(begin_tu - self._noise_tu, -(-self._grid.first // STEPS_PER_TU), 0)
@@ -235,14 +236,14 @@ class PulseReceiver(SampledReceiver):
         return both
 
     def _expected(self, end_tu: int) -> bool:
-        """Return whether the tool is expected to send its sync in a hop, judged by the last flow-on."""
+        """Return whether, after the last flow-on, the tool should send its sync in the hop that ends at end_tu, TU."""
         end_s = self._grid.seconds(STEPS_PER_TU * end_tu)
         late_s = end_s - self._flow.on_since(end_s) - self._tool.transmit_delay_s
         return -_BEFORE_S <= late_s <= _AFTER_S + _HOP_TU * self._tool.tu_s
 
 
 def _sync_db(score: float) -> float:
-    """Return the energy per bit over noise density that the score of a sync stands for, dB."""
+    """Return the ratio of energy per bit to noise density, dB, estimated from the score of a sync."""
     return 6.0 + 10.0 * math.log10(score / _SCORE_6_DB)
 
 

@@ -590,7 +590,7 @@ class Conditions:
     async def _send_changes(self, now: Mapping[str, Alarm]) -> None:
         for alarm in sorted(now.values(), key=lambda a: a.last_ns):
             before = self._shown.get(alarm.id)
-            # The count of a lasting cause grows each time it is seen; a new count alone sends no event.
+            # An alarm whose cause lasts is counted again and again: if only its count has changed, send no event.
             if before is None or _news(before) != _news(alarm):
                 await self._send(alarm, retain=True)
         for gone in self._shown.keys() - now.keys():

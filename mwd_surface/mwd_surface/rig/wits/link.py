@@ -323,7 +323,7 @@ class Wits0Link(RigInterface):
         self._decoded.update(dataclasses.asdict(peer.decoder.counts))
 
     def status_as(self, state: str, reason: str = "") -> InterfaceStatus:
-        """Return the state of the interface with all counts; state, reason: as in `InterfaceStatus`."""
+        """Return the status of the interface, with the counts of all peers; state, reason: as in `InterfaceStatus`."""
         now = time.monotonic()
         peers = tuple(sorted((p.status(now) for p in tuple(self._peers)), key=lambda p: p.since))
         counted = self._decoded.copy()
