@@ -21,7 +21,7 @@ from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.finding import Finding, GyroParts, gyro_share
 from mwd_estimation.survey.measurement import Measured, StationReadings
-from mwd_estimation.survey.posterior import circle, field_model, hypotheses
+from mwd_estimation.survey.posterior import field_model, hypotheses
 from mwd_estimation.survey.posterior.field_model import Row, Shared
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_estimation.survey.posterior.run_filter import Predicted, RunFilter, RunState
@@ -43,6 +43,7 @@ _ELSEWHERE = 1e-6, math.radians(2.0)
 _STAYED = math.radians(0.5)
 # Estimate without information, for a string that has never turned.
 _NOTHING = Across(np.zeros(2), math.inf)
+_NO_LAY = np.zeros((0, 2, 3))
 # Time between two stations if it is unknown, h: the time to drill a stand.
 _STAND = 0.5
 # Probability of a wrong gyro below which the gyro agrees with the magnetometer.
@@ -101,7 +102,8 @@ class RunModel:
         self._filter: RunFilter | None = None
         self._of: tuple[Reference | None, bool] = (None, False)
         self._seen: dict[bytes, int] = {}
-        self._lay: list[tuple[Array, Array]] = []
+        # Directions of force and field at each station, shape (n, 2, 3).
+        self._lay = _NO_LAY
         self._last: _Last | None = None
         self._count, self._agreed = 0, False
         self._told: dict[str, Across] = {}
@@ -116,7 +118,7 @@ class RunModel:
         other = copy.copy(self)
         if self._filter is not None:
             other._filter = _copied(self._filter, self._filter.state)
-        other._seen, other._lay, other._told = dict(self._seen), list(self._lay), dict(self._told)
+        other._seen, other._told = dict(self._seen), dict(self._told)
         return other
 
     def take(self, taken: Taken, *, learn: bool = True) -> Finding | None:
@@ -139,12 +141,12 @@ class RunModel:
             return other
         model, last, place = other._model(taken.measured), other._last, other._lay_before(one)
         again = place is not None and place == len(other._lay) - 1
-        other._last, other._seen, other._lay = None, {}, []
+        other._last, other._seen, other._lay = None, {}, _NO_LAY
         if again and last is not None:
             # The tool is still at the last station: the azimuth is found without it.
             without = _copied(model, last.before)
             other._pass_time(without, taken, one)
-            other._last, other._lay = _Last(one, None, without.state), [_directions(one)]
+            other._last, other._lay = _Last(one, None, without.state), _directions(one)[None]
         other._pass_time(model, taken, one)
         if turning is not None:
             other._take_turning(model, turning)
@@ -166,7 +168,7 @@ class RunModel:
                 _copied(filters, filters.state if side._last is None else side._last.before)
                 for side, filters in ((other, other._filter), (after, after._filter))
             )
-            other._last, other._lay = last._replace(before=first.between(second)), [_directions(last.row)]
+            other._last, other._lay = last._replace(before=first.between(second)), _directions(last.row)[None]
         other._filter.state = other._filter.between(after._filter)
         other._agreed |= after._agreed
         return other
@@ -211,7 +213,7 @@ class RunModel:
         evidence, doubts = model.evidence(one, state), model.gyro_doubts(state)
         repeats = self._repeats(one) if learn else None
         if learn and repeats is None and place is None:
-            self._lay.append(_directions(one))
+            self._lay = np.concatenate([self._lay, _directions(one)[None]])
             self._last = _Last(one, began_ns, model.state.copy())
             model.learn(one, evidence)
         if seek is not None and self._last is not None:
@@ -319,7 +321,7 @@ class RunModel:
             known = reference if reference is not None and reference.has_field else None
             sigmas = field_model.nominal_sigmas(self._settings.errors, known, magnetic)
             self._filter, self._of = RunFilter(self._settings.priors, sigmas), (reference, magnetic)
-            self._seen, self._lay, self._count, self._agreed, self._told = {}, [], 0, False, {}
+            self._seen, self._lay, self._count, self._agreed, self._told = {}, _NO_LAY, 0, False, {}
             self._last = None
         return self._filter
 
@@ -352,9 +354,7 @@ class RunModel:
 
         The directions of force and field at the two stations differ by less than `_STAYED`.
         """
-        if not self._lay:
-            return None
-        apart = np.linalg.norm(np.array(self._lay) - np.array(_directions(one)), axis=2)
+        apart = np.linalg.norm(self._lay - _directions(one), axis=2)
         near = np.flatnonzero((apart < _STAYED).all(axis=1))
         return int(near[-1]) if len(near) else None
 
@@ -368,7 +368,7 @@ class RunModel:
     def _finding(read: _Read) -> Finding:
         model, one, evidence, (doubted, shown), turn, repeats, agreed = read
         right, stepped, wrong = model.by_gyro_state(evidence).T
-        width = circle.widths(evidence.angles)
+        width = evidence.widths
         mass, by_gyro, gyro_wrong, parts = right + stepped + wrong, 0.0, 0.0, None
         angles = wrap_tau(evidence.angles + turn)
         order = np.argsort(angles)
@@ -410,9 +410,10 @@ def _copied(model: RunFilter, state: RunState) -> RunFilter:
     return other
 
 
-def _directions(one: Row) -> tuple[Array, Array]:
-    """Return the unit vectors of force and field in tool axes; zeros without a field."""
-    return one["force"] / np.linalg.norm(one["force"]), one["field"] / max(float(np.linalg.norm(one["field"])), 1e-9)
+def _directions(one: Row) -> Array:
+    """Return the unit vectors of force and field in tool axes, shape (2, 3); zeros without a field."""
+    both = np.stack([one["force"], one["field"]])
+    return np.asarray(both / np.maximum(np.linalg.norm(both, axis=1, keepdims=True), 1e-9))
 
 
 def _with_gyro(one: Row, other: Row | None) -> Row:

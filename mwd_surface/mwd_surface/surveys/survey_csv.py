@@ -275,6 +275,7 @@ def text(lines: Iterable[Mapping[str, str]], more: Sequence[str] = (), display: 
     return "\n".join(rows) + "\n"
 
 
+@functools.lru_cache(maxsize=16)
 def _table(display: Display) -> list[tuple[Signal, Listed]]:
     return [(signal, signal.column_for_people(listed, display)) for signal, listed in SURVEY_TABLE]
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -93,6 +94,12 @@ def widths(angles: Array) -> Array:
     return np.asarray(0.5 * ((np.roll(angles, -1) - np.roll(angles, 1)) % math.tau))
 
 
+@functools.lru_cache(maxsize=64)
+def _kept(sigma: float) -> Array:
+    """Return the factors of the Fourier coefficients of a density by a normal error; sigma: 1 sigma of it, rad."""
+    return np.asarray(np.exp(-0.5 * (np.arange(STEPS // 2 + 1) * sigma) ** 2))
+
+
 def blurred(angles: Array, density: Array, sigma: Array) -> Array:
     """
     Return the density of an angle after an independent normal error is added to it, shape (n,), per rad.
@@ -107,8 +114,8 @@ def blurred(angles: Array, density: Array, sigma: Array) -> Array:
     start, end = at[after - 1], at[after]
     way = (steps - start) % STEPS / ((end - start) % STEPS)
     fine = (1.0 - way) * density[:, after - 1] + way * density[:, after]
-    kept = np.exp(-0.5 * (np.arange(STEPS // 2 + 1) * sigma[:, None]) ** 2)
-    found = np.fft.irfft((np.fft.rfft(fine) * kept).sum(axis=0), STEPS)[at]
+    whole = sum(np.fft.rfft(part) * _kept(one) for part, one in zip(fine, sigma.tolist(), strict=True))
+    found = np.fft.irfft(whole, STEPS)[at]
     return np.where(found > _ROUNDED * found.max(), found, 0.0)
 
 

@@ -56,11 +56,16 @@ class CircleEvidence:
     declination: Array | None = None
 
     @functools.cached_property
+    def widths(self) -> Array:
+        """Width of the interval around each angle, rad, shape (n,)."""
+        return circle.widths(self.angles)
+
+    @functools.cached_property
     def _probable(self) -> tuple[Array, Array, Array, Array, Array]:
         """Compute probabilities of points, angles, kinds, filters with a right gyro, and the highest, in one pass."""
         n, m, h, _ = self.log.shape
         share, found = np.empty_like(self.log), (np.zeros((n, 3)), np.zeros((m, h)), np.zeros((n, m)), np.zeros(m))
-        _probabilities(self.log, circle.widths(self.angles), share, *found)
+        _probabilities(self.log, self.widths, share, *found)
         by_kind = np.zeros((self.count, h))
         by_kind[self.filters] = found[1]
         return share, found[0], by_kind, found[2], found[3]
@@ -79,8 +84,7 @@ class CircleEvidence:
             by_filter = self.share.reshape(*self.share.shape[:2], -1) @ np.ones(self.log[0, 0].size)
             sigmas, group = np.unique(np.round(self.declination, 6), return_inverse=True)
             of_group = by_filter @ (group[:, None] == np.arange(len(sigmas)))
-            width = circle.widths(self.angles)
-            mass = circle.blurred(self.angles, of_group.T / width, sigmas) * width
+            mass = circle.blurred(self.angles, of_group.T / self.widths, sigmas) * self.widths
             found = np.column_stack([np.zeros((len(self.angles), 2)), mass / mass.sum()])
         return found
 
