@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the tool sends and logs, with each block of estimates: `tool/transmission` from the flow, and `log`."""
+"""Publishers of the tool: what it transmits while the pumps run (`tool/transmission`), and its log (`log`)."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ _REJECT = 1.5
 # Deviation of the gravity total from local gravity, in sigmas, above which the tool was not calibrated with local
 # gravity.
 _NOT_LOCAL = 2.0
-# Smallest dip of the reference, rad, whose sign the readings show.
+# Absolute value of the reference dip, rad, above which a dip of the opposite sign can be recognised in the readings.
 _FLAT = math.radians(4.0)
 
 

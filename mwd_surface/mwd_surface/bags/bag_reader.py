@@ -244,7 +244,7 @@ class Bag:
         for name, about in self.topics.items():
             if about.type_name == wire.VECTOR.type_name:
                 self.topics[name] = dataclasses.replace(about, quantity=quantity_of(name))
-        #: Log time of the first and the last message; both 0 if there is no message.
+        #: Log times of the first and the last message; both are 0 in an empty recording.
         self.start_ns, self.end_ns = opened.start_ns, opened.end_ns
         #: The files that are read, as found on the disk, and their total size.
         self.files, self.size_bytes = opened.files, opened.size_bytes

@@ -68,7 +68,7 @@ class Ros1Bag:
                 name, type_name, info.msgcount, problem=problem
             )
         filled = [info for info in self._reader.chunk_infos if info.connection_counts]
-        #: `start_ns`, `end_ns`: time of the first and the last message; 0 if there is no message.
+        #: `start_ns`, `end_ns`: times of the first and the last message; 0 in an empty recording.
         self.start_ns = min((info.start_time for info in filled), default=0)
         self.end_ns = max((info.end_time - 1 for info in filled), default=0)
 

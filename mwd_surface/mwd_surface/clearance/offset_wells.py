@@ -383,7 +383,8 @@ def well_clearance(
     Raises
     ------
     ValueError
-        There is no such leg, the path is implausible (`check_plausible`), or the well's position has no covariance.
+        The list has no leg of this name, its path is implausible (`check_plausible`), or its position has no
+        covariance.
     CovarianceUnavailableError
         `welleng` is not installed.
     """

@@ -95,7 +95,7 @@ def show_actions(stations: Sequence[tuple[int, str, str]]) -> None:
         lines = [(which, action) for action, which in actions.items()]
         if len(lines) > _MOST_ALIKE:
             whole, (first, action) = sorted(n for which, _ in lines for n in which), lines[0]
-            lines = [(whole, f"{action} (numbers of survey {first[0]})")]
+            lines = [(whole, f"{action} (the values are those of survey {first[0]})")]
         for which, action in lines:
             console.print(Text.assemble(f"{numbered(which):>4} ", (verdict, COLOURS[verdict]), f": {action}"))
 

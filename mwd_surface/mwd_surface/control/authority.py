@@ -161,7 +161,7 @@ class RigCommands:
         """
         if self.drive is None:
             self.let_go()
-        # The rig ends the commanded flow by itself when the command is no longer repeated.
+        # The rig stops the commanded flow itself as soon as the command is no longer repeated.
         self._pump.point = None
 
     def lapse(self, now: float) -> None:

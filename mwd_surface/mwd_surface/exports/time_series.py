@@ -276,6 +276,10 @@ def _place_samples(
 
 
 def _attitude_topic(bag: Bag, well: str) -> str | None:
-    """Return the topic of the attitude of a well, or of the attitude over the link if there is no other; else None."""
+    """
+    Return the topic of the tool's attitude, or else of the attitude that telemetry has sent; None without both.
+
+    well: namespace of the well, if the recording has several.
+    """
     name = wire.ATTITUDE.type_name
     return topic_of(bag, ATTITUDE, name, well) or topic_of(bag, LINK_ATTITUDE, name, well)

@@ -37,8 +37,8 @@ _DIP_FITS, _DIRECTION_OFF, _DIRECTION_FITS, _BETTER = math.radians(1.5), math.ra
 # _LEAST_ROWS is the smallest number of rows for a decision: one row fits one of 48 wirings by chance in a third of the
 # cases, three rows in one of 10 000.
 _FEW, _MOST, _LEAST_ROWS = 0.2, 0.8, 3
-# Inclination above which a hole goes up, rad: a horizontal well that was landed too steeply stays below it. And
-# inclination that only holes drilled upwards in a mine reach, rad.
+# Inclination above which a hole is taken to go up, rad: a horizontal well that passes the horizontal by a few degrees
+# has a smaller one. And inclination that only holes drilled upwards in a mine exceed, rad.
 _UPWARDS, _NO_HOLE = math.radians(95.0), math.radians(120.0)
 # Attitudes that differ by more than this, rad, show the wiring independently.
 _ANOTHER_ATTITUDE = math.radians(10.0)

@@ -64,7 +64,7 @@ class Summary:
     #: survey list in the form of the surface node, with the definitive values of these surveys
     listed: SurveyList = dataclasses.field(default_factory=SurveyList)
     depths: str = ""  #: source of the depths of the surveys, as text
-    #: comparison of `listed` with the live list of the recording, as text; empty if there is no live list
+    #: how `listed` differs from the survey list recorded live, as text; empty if none was recorded
     live: str = ""
     no_survey: str = ""  #: reason why there is no survey, as text; empty if there are surveys
     #: faults of sensors, as they were found, narrowed down or cleared

@@ -41,7 +41,7 @@ def test_many_reasons_that_differ_in_their_numbers_are_one_line_with_an_example(
     show_actions([(k, "reject", f"dip {60.5 + k} deg: look") for k in (1, 2, 4, 5)] + [(3, "doubtful", "steel near")])
     show_actions([(k, "reject", f"dip {60.5 + k} deg: look") for k in (1, 2, 4)])
     assert capsys.readouterr().out.splitlines() == [
-        "1-2, 4-5 reject: dip 61.5 deg: look (numbers of survey 1)",
+        "1-2, 4-5 reject: dip 61.5 deg: look (the values are those of survey 1)",
         "   3 doubtful: steel near",
         "   1 reject: dip 61.5 deg: look",
         "   2 reject: dip 62.5 deg: look",

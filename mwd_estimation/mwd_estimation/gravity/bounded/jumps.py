@@ -107,7 +107,8 @@ def follow(p: BoundedParams, s: BoundedRecord) -> bool:
         _apply(p, s, kind, at)
         return True
     for kind in range(KINDS):
-        # Only jumps that may be applied later: the others cause errors that equation (20) covers.
+        # Only kinds of jumps for which the filter corrects its state once they are certain: for the errors of the other
+        # kinds, equation (20) already adds a variance.
         if kind == STEP or (s.meaning.sampled and kind != RAMP):
             chance = _chance(odds, kind)
             if since[kind] > 0 and chance > LEAST_CHANCE:

@@ -164,7 +164,8 @@ def _moments(angles: Array, mass: Array, peak: float) -> tuple[float, float, flo
     mean = float(mass @ away) / share
     off = np.abs(away - mean)
     order = np.argsort(off)
-    # An angle stands for the interval about it, of which a half lies farther from the mean.
+    # The probability of a grid angle is that of the interval around it. Half of it lies farther from the mean than the
+    # grid angle does, so only the other half is counted up to this angle.
     reached = np.cumsum(mass[order]) - 0.5 * mass[order]
     limit = float(np.interp(_HELD * share, reached, off[order]))
     held = off <= limit

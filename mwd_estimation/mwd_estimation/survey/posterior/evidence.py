@@ -52,7 +52,8 @@ class CircleEvidence:
     filters: Indices  #: shape (m,); indices of the filters in use among all
     count: int  #: number of all filters, k
     misfit: float = 0.0  #: smallest chi-square of the field under the widest hypothesis
-    #: shape (m,), or None; 1 sigma of the declination in each filter in use, rad, if `log` is by magnetic azimuth
+    #: shape (m,); 1 sigma of the declination in each filter in use, rad, if the angles of `log` are magnetic azimuths;
+    #: None if they are azimuths from the north of the run
     declination: Array | None = None
 
     @functools.cached_property

@@ -326,9 +326,9 @@ class RunFilter:
         Return whether neither this station nor the run so far has a gyro azimuth.
 
         The field then depends on the magnetic azimuth only: no station says anything about the declination, and its
-        error is added to the azimuth that is found (`CircleEvidence.declination`). As an error of the field it would
-        be replaced by a tangent. A large declination turns the field along a circle that leaves its tangent, and
-        readings would seem to contradict it.
+        error is added to the azimuth that is found (`CircleEvidence.declination`). As a state that changes the
+        predicted field, it would move this field along a straight line. A large error of the declination moves the
+        field along a circle, so the readings would seem to exclude such an error.
         """
         return not math.isfinite(one["gyro"]) and not state.covariance[:, Shared.DECLINATION, Shared.GYRO].any()
 

@@ -43,7 +43,7 @@ class RecoveryReport:
     messages: int = 0  #: number of messages that were saved, or that a check found
     damages: int = 0  #: number of places with bytes that could not be read
     lost_bytes: int = 0  #: number of bytes in those places
-    #: `start_ns`, `end_ns`: log times of the first and the last message; 0 if there is no message.
+    #: `start_ns`, `end_ns`: log times of the first and the last message; 0 if no message was found.
     start_ns: int = 0
     end_ns: int = 0
     notes: tuple[str, ...] = ()  #: one sentence for each fault or anything unusual that was found
