@@ -21,7 +21,7 @@ from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.finding import Finding, GyroParts, gyro_share
 from mwd_estimation.survey.measurement import Measured, StationReadings
-from mwd_estimation.survey.posterior import field_model, hypotheses
+from mwd_estimation.survey.posterior import circle, field_model, hypotheses
 from mwd_estimation.survey.posterior.field_model import Row, Shared
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_estimation.survey.posterior.run_filter import Predicted, RunFilter, RunState
@@ -221,7 +221,7 @@ class RunModel:
         agreed = self._agreed
         if learn and one["has_field"] and math.isfinite(one["gyro"]):
             outside = model.probabilities(evidence.by_kind)[Hypothesis.EXTERNAL]
-            right = float(model.by_gyro_state(evidence)[:, 0].sum())
+            right = float(evidence.by_angle[:, 0].sum())
             self._agreed |= right > 1.0 - _AGREES and outside < _AGREES
         turn = measured.station.north_correction - self._north(measured)
         return _Read(model, one, evidence, doubts, turn, repeats, agreed)
@@ -367,16 +367,16 @@ class RunModel:
     @staticmethod
     def _finding(read: _Read) -> Finding:
         model, one, evidence, (doubted, shown), turn, repeats, agreed = read
-        right, stepped, wrong = model.by_gyro_state(evidence).T
-        width = evidence.widths
+        right, stepped, wrong = evidence.by_azimuth.T
+        width = circle.widths(evidence.azimuths)
         mass, by_gyro, gyro_wrong, parts = right + stepped + wrong, 0.0, 0.0, None
-        angles = wrap_tau(evidence.angles + turn)
+        angles = wrap_tau(evidence.azimuths + turn)
         order = np.argsort(angles)
         if math.isfinite(one["gyro"]):
             parts = GyroParts((right / width)[order], ((stepped + wrong) / width)[order], doubted, shown / doubted)
             mass = np.empty(len(angles))
             mass[order] = parts.weighed(angles[order]) * width[order]
-            by_gyro = gyro_share(evidence.angles, mass, wrong if one["has_field"] else None) * float(right.sum())
+            by_gyro = gyro_share(evidence.azimuths, mass, wrong if one["has_field"] else None) * float(right.sum())
             # A gyro that the run has already shown to be wrong does not count as a contradiction.
             gyro_wrong = float((stepped + wrong).sum()) * (1.0 - doubted)
         mean, covariance = model.shared()
@@ -386,7 +386,7 @@ class RunModel:
         # The error of the inclination is the turn of the mount about the level axis across the hole.
         right = one["axes"][1]
         mount = math.sqrt(float(right @ covariance[turned, turned] @ right + (right @ mean[turned]) ** 2))
-        peak = float(evidence.angles[int(np.argmax(mass / width))])
+        peak = float(evidence.azimuths[int(np.argmax(mass / width))])
         return Finding(
             angles=angles[order],
             density=(mass / width)[order],

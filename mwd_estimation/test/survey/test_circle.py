@@ -62,16 +62,6 @@ def test_an_error_that_the_density_does_not_hold_adds_to_the_probability_beyond(
     assert found == pytest.approx(math.erfc(0.12 / math.hypot(0.05, smear) / math.sqrt(2.0)), rel=0.03)
 
 
-def test_an_error_added_to_an_angle_adds_its_variance_to_each_part_of_the_density():
-    parts = [(0.7, 359.9 * DEG, 0.5 * DEG, 3.0 * DEG), (0.3, 2.0, 1.0 * DEG, 0.0)]
-    angles, _ = of_mixture(*(one[:3] for one in parts))
-    before = np.array([share * gaussian(angles, mean, sigma) for share, mean, sigma, _ in parts])
-    expected = sum(share * gaussian(angles, mean, math.hypot(sigma, error)) for share, mean, sigma, error in parts)
-    found = circle.blurred(angles, before, np.array([error for *_, error in parts]))
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-3 * expected.max())
-    assert circle.widths(angles) @ found == pytest.approx(circle.widths(angles) @ before.sum(axis=0), rel=2e-3)
-
-
 def test_nothing_known_is_a_sigma_of_half_a_circle():
     found = circle.read(circle.coarse(), np.ones(180))
     assert found.sigma > 0.9 * math.pi / 3.0

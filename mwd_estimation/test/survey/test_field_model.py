@@ -64,7 +64,7 @@ def test_the_slopes_are_those_of_readings_with_each_error():
 
 @pytest.mark.parametrize(
     ("state", "name", "factor"),
-    [(Shared.TOTAL, "total", 1e-6), (Shared.DIP, "dip", 1.0), (Shared.DECLINATION, "declination", 1.0)],
+    [(Shared.TOTAL, "total", 1e-6), (Shared.DIP, "dip", 1.0)],
 )
 def test_the_slopes_by_the_reference_are_those_of_another_earth(state, name, factor):
     small = 1e-3

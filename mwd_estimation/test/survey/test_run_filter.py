@@ -32,7 +32,7 @@ def station(inclination, azimuth, toolface, bias=(0.0, 0.0, 0.0), noise=0.0, rng
 
 
 def read(evidence):
-    return circle.read(evidence.angles, evidence.by_angle.sum(axis=1) / circle.widths(evidence.angles))
+    return circle.read(evidence.azimuths, evidence.by_azimuth.sum(axis=1) / circle.widths(evidence.azimuths))
 
 
 def learnt(model, one):
@@ -118,6 +118,29 @@ def test_a_crust_that_shows_in_total_and_dip_leaves_the_declination_as_uncertain
         evidence = learnt(model, one)
     assert model.probabilities(evidence.by_kind)[Hypothesis.REFERENCE] > 0.9
     assert ratio(evidence, azimuth) < 3.0
+
+
+@pytest.mark.parametrize("when", ["before", "here", "after"])
+def test_a_gyro_that_says_nothing_leaves_the_declination_as_uncertain(when):
+    reference = Reference(total=5.6e-5, dip=1.4, declination=0.0, gravity=9.81)
+    sigmas = field_model.nominal_sigmas(SensorErrors(), reference, False)
+    field_n = np.array([reference.horizontal, 0.0, reference.vertical + 1.2e-6])
+
+    def of(gyro):
+        models = RunFilter(Priors(), sigmas), RunFilter(Priors(), sigmas)
+        for k, place in [*enumerate(["before"] * 8), *((k, "after") for k in range(15, 8, -1)), (8, "here")]:
+            mat_tn = mat_nt(0.2 + 0.06 * k, 0.4 + 0.05 * k, 1.3 * k).T
+            force = mat_tn @ [0.0, 0.0, -9.81]
+            one = field_model.geometry(force, mat_tn @ field_n, np.zeros((6, 6)), reference, 0.0)[0]
+            model = models[place == "after"]
+            if gyro and place == when:
+                model.expect_gyro()
+                one = with_gyro(one, 0.4 + 0.05 * k, 0.1, 0.5)
+            if place != "here":
+                learnt(model, one)
+        return read(models[0].evidence(one, models[0].between(models[1]))).sigma
+
+    assert of(True) == pytest.approx(of(False), rel=0.05)
 
 
 @pytest.mark.slow
@@ -252,7 +275,7 @@ def drawn(model, horizontal, rng):
     outside = rng.choice(np.append(EXTERNAL_UT, 0.0), p=weight) * rng.normal(size=3)
     own = rng.multivariate_normal(np.zeros(3), one["noise"])
     one["field"] += slopes @ shared + turns @ rng.normal(0.0, 1e-3, 3) + own + outside
-    return one, azimuth
+    return one, azimuth + SIGMAS.shared[Shared.DECLINATION] * shared[Shared.DECLINATION]
 
 
 @pytest.mark.slow
@@ -263,9 +286,9 @@ def test_where_the_field_is_weak_stations_of_its_own_priors_lie_anywhere_in_the_
         model = RunFilter(Priors(turned=0.0), SIGMAS)
         one, azimuth = drawn(model, rng.uniform(9.0, 15.0), rng)
         evidence = model.evidence(one)
-        mass = evidence.by_angle.sum(axis=1)
-        density = mass / circle.widths(evidence.angles)
-        shares.append(float(mass[density > density[np.argmin(np.abs(wrap_pi(evidence.angles - azimuth)))]].sum()))
+        mass = evidence.by_azimuth.sum(axis=1)
+        density = mass / circle.widths(evidence.azimuths)
+        shares.append(float(mass[density > density[np.argmin(np.abs(wrap_pi(evidence.azimuths - azimuth)))]].sum()))
     assert kstest(shares, "uniform").pvalue > 0.01
     assert np.mean(np.array(shares) > 0.99) < 0.03
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 
 import numpy as np
@@ -20,8 +19,6 @@ _HELD, _SIGMAS = 0.99, 2.576
 _LEAST = 0.003
 # Smallest 1 sigma of an additional error, rad, so that the division by it is defined.
 _EXACT = 1e-9
-# A density below this share of the highest is rounding error of the Fourier transform in `blurred`.
-_ROUNDED = 1e-13
 # The circle has 7200 steps of 0.05 deg. The coarse grid uses every 40th step. The fine grid adds, around each peak of
 # the coarse grid, all steps within 2.5 deg and every fifth step within 12 deg.
 STEPS, _EVERY = 7200, 40
@@ -66,7 +63,8 @@ def refined(log_density: Array, *centres: float) -> Array:
     """
     Return angles, rad, in order: a coarse grid, with fine steps about every peak and about further centres.
 
-    log_density: log density at the coarse angles, shape (180,); centres: rad, NaN for no centre.
+    log_density: log density at the coarse angles, shape (180,), or the highest about each of them (`highest`);
+    centres: rad, NaN for no centre.
     """
     peaks = np.flatnonzero((log_density >= np.roll(log_density, 1)) & (log_density > np.roll(log_density, -1)))
     peaks = peaks[log_density[peaks] > log_density.max() + math.log(_WORTH)]
@@ -77,6 +75,11 @@ def refined(log_density: Array, *centres: float) -> Array:
     for place in about:
         chosen[(place + _ABOUT) % STEPS] = True
     return np.asarray(np.flatnonzero(chosen) * (math.tau / STEPS))
+
+
+def highest(density: Array) -> Array:
+    """Return the highest density about each coarse angle, shape (180,); density: at every step, shape (7200,)."""
+    return np.asarray(np.roll(density, _EVERY // 2).reshape(-1, _EVERY).max(axis=1))
 
 
 def is_coarse(angles: Array) -> np.ndarray:
@@ -92,31 +95,6 @@ def places(angles: Array) -> Indices:
 def widths(angles: Array) -> Array:
     """Return the width of the interval around each of the ordered angles, rad."""
     return np.asarray(0.5 * ((np.roll(angles, -1) - np.roll(angles, 1)) % math.tau))
-
-
-@functools.lru_cache(maxsize=64)
-def _kept(sigma: float) -> Array:
-    """Return the factors of the Fourier coefficients of a density by a normal error; sigma: 1 sigma of it, rad."""
-    return np.asarray(np.exp(-0.5 * (np.arange(STEPS // 2 + 1) * sigma) ** 2))
-
-
-def blurred(angles: Array, density: Array, sigma: Array) -> Array:
-    """
-    Return the density of an angle after an independent normal error is added to it, shape (n,), per rad.
-
-    The density before is a sum of k parts, each with an error of its own. angles: as from `refined`, rad, shape (n,);
-    density: of each part, per rad, shape (k, n); sigma: of each error, rad, shape (k,).
-    The convolution is a product of Fourier coefficients (Mardia and Jupp, Directional Statistics, section 3.5.7).
-    """
-    at = places(angles)
-    steps = np.arange(STEPS)
-    after = np.searchsorted(at, steps, side="right") % len(at)
-    start, end = at[after - 1], at[after]
-    way = (steps - start) % STEPS / ((end - start) % STEPS)
-    fine = (1.0 - way) * density[:, after - 1] + way * density[:, after]
-    whole = sum(np.fft.rfft(part) * _kept(one) for part, one in zip(fine, sigma.tolist(), strict=True))
-    found = np.fft.irfft(whole, STEPS)[at]
-    return np.where(found > _ROUNDED * found.max(), found, 0.0)
 
 
 def read(angles: Array, density: Array) -> Circle:

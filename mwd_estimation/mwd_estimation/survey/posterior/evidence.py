@@ -13,6 +13,7 @@ import functools
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mwd_estimation.survey.posterior import circle
 from mwd_estimation.survey.posterior.field_model import Row
@@ -44,17 +45,15 @@ _SMEAR = np.stack([np.roll(_ONE, k * circle.STEPS // _FEW) for k in range(_FEW)]
 class CircleEvidence:
     """A station's evidence on the circle."""
 
-    angles: Array  #: shape (n,); rad, in order
+    angles: Array  #: shape (n,); azimuths for the declination of the reference, rad, in order
     #: shape (n, m, h, j); log density of the readings with all prior weights, by angle, filter in use, external field,
     #: and state of the gyro: right (0), its bias stepped (1), or wrong (2). Filters of negligible probability are left
     #: out. Without a gyro, j is 1.
     log: Array
     filters: Indices  #: shape (m,); indices of the filters in use among all
     count: int  #: number of all filters, k
+    adrift: NDArray[np.bool_]  #: shape (m,); whether the gyro of the filter drifts
     misfit: float = 0.0  #: smallest chi-square of the field under the widest hypothesis
-    #: shape (m,); 1 sigma of the declination in each filter in use, rad, if the angles of `log` are magnetic azimuths;
-    #: None if they are azimuths from the north of the run
-    declination: Array | None = None
 
     @functools.cached_property
     def widths(self) -> Array:
@@ -62,32 +61,28 @@ class CircleEvidence:
         return circle.widths(self.angles)
 
     @functools.cached_property
-    def _probable(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Compute probabilities of points, angles, kinds, filters with a right gyro, and the highest, in one pass."""
+    def _probable(self) -> tuple[Array, Array, Array, Array]:
+        """Compute probabilities of points, angles, kinds, and the highest of each filter, in one pass."""
         n, m, h, _ = self.log.shape
-        share, found = np.empty_like(self.log), (np.zeros((n, 3)), np.zeros((m, h)), np.zeros((n, m)), np.zeros(m))
-        _probabilities(self.log, self.widths, share, *found)
+        share, found = np.empty_like(self.log), (np.zeros((n, 3)), np.zeros((m, h)), np.zeros(m))
+        _probabilities(self.log, self.widths, self.adrift, share, *found)
         by_kind = np.zeros((self.count, h))
         by_kind[self.filters] = found[1]
-        return share, found[0], by_kind, found[2], found[3]
+        return share, found[0], by_kind, found[2]
 
     @property
     def share(self) -> Array:
         """Probability of each point, shape of `log`."""
         return self._probable[0]
 
-    @functools.cached_property
+    @property
     def by_angle(self) -> Array:
-        """Probability of each azimuth and state of the gyro, shape (n, 3); without a gyro, only "wrong" is not zero."""
-        found = self._probable[1]
-        if self.declination is not None:
-            # A product is faster than a sum over short axes.
-            by_filter = self.share.reshape(*self.share.shape[:2], -1) @ np.ones(self.log[0, 0].size)
-            sigmas, group = np.unique(np.round(self.declination, 6), return_inverse=True)
-            of_group = by_filter @ (group[:, None] == np.arange(len(sigmas)))
-            mass = circle.blurred(self.angles, of_group.T / self.widths, sigmas) * self.widths
-            found = np.column_stack([np.zeros((len(self.angles), 2)), mass / mass.sum()])
-        return found
+        """
+        Probability of each angle and state of the gyro, shape (n, 3).
+
+        The states are: right; its bias stepped or drifts; wrong. Without a gyro, only "wrong" is not zero.
+        """
+        return self._probable[1]
 
     @property
     def by_kind(self) -> Array:
@@ -95,24 +90,19 @@ class CircleEvidence:
         return self._probable[2]
 
     @property
-    def with_gyro(self) -> Array:
-        """Probability of each angle and filter in use with a gyro that is right, shape (n, m)."""
-        return self._probable[3]
-
-    @property
     def highest(self) -> Array:
         """Probability of the most probable point of each filter in use, shape (m,)."""
-        return self._probable[4]
+        return self._probable[3]
 
 
 @compiled
 def _probabilities(
-    log: Array, width: Array, share: Array, by_angle: Array, by_kind: Array, with_gyro: Array, highest: Array
+    log: Array, width: Array, adrift: Array, share: Array, by_angle: Array, by_kind: Array, highest: Array
 ) -> None:
     """
     Fill the probabilities of `CircleEvidence` from a log density up to a constant and the width of each angle.
 
-    All outputs except share must be zero before the call.
+    adrift, shape (m,): whether the gyro drifts in each filter. All outputs except share must be zero before the call.
     """
     top, whole, first = log.max(), 0.0, 3 - log.shape[3]
     for n in range(log.shape[0]):
@@ -122,23 +112,19 @@ def _probabilities(
                     below, value = log[n, k, h, j] - top, 0.0
                     if below > -_NOTHING:
                         value = math.exp(below) * width[n]
-                        by_angle[n, first + j] += value
+                        by_angle[n, 1 if adrift[k] and first + j == 0 else first + j] += value
                         by_kind[k, h] += value
                         whole += value
                         highest[k] = max(highest[k], value)
                     share[n, k, h, j] = value
-            if first == 0:
-                for h in range(log.shape[2]):
-                    with_gyro[n, k] += share[n, k, h, 0]
     share /= whole
     by_angle /= whole
     by_kind /= whole
-    with_gyro /= whole
     highest /= whole
 
 
 @compiled
-def _packed(S: Array, out: Array) -> None:
+def packed_products(S: Array, out: Array) -> None:
     """
     Fill the coefficients of the innovation covariance by the products of the basis: S, shape (3, 3, 4, 4).
 
@@ -155,11 +141,12 @@ def _packed(S: Array, out: Array) -> None:
 
 # The kernels below index whole arrays: a view of one row for each point would take longer than the arithmetic.
 @compiled
-def _spread(phi: Array, n: int, packed: Array, size: int, out: Array) -> None:
+def spread_at(phi: Array, n: int, packed: Array, size: int, out: Array) -> None:
     """
     Compute the covariance of the innovation at one angle.
 
-    phi, shape (m, 3): basis of all angles; n: index of the angle; packed: coefficients from `_packed`; out (4, 4).
+    phi, shape (m, 3): basis of all angles; n: index of the angle; packed: coefficients from `packed_products`; out,
+    shape (4, 4).
     """
     p, q, r = phi[n, 0], phi[n, 1], phi[n, 2]
     p00, p11, p22, p01, p02, p12 = p * p, q * q, r * r, p * q, p * r, q * r
@@ -197,9 +184,9 @@ def fill_evidence(
     best = -math.inf
     log[:] = -math.inf
     for k in range(len(r)):
-        _packed(S[k], packed)
+        packed_products(S[k], packed)
         for n in range(len(phi)):
-            _spread(phi, n, packed, size, s)
+            spread_at(phi, n, packed, size, s)
             for a in range(size):
                 e[a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
             # With the variance x of an external field, the inverse of s + x is (x^2 + x (trace - s) + adjugate of s)
@@ -273,12 +260,12 @@ def gains(
     whole, first, second = np.zeros(parts), np.zeros((parts, 4)), np.zeros((parts, 4, 4))
     products = np.zeros((parts, 4, 4, 6))
     for k in range(len(r)):
-        _packed(S[k], packed)
+        packed_products(S[k], packed)
         products[:] = 0.0
         for n in range(len(phi)):
-            if not _highest(share, n, k) > least[k]:
+            if not highest_share(share, n, k) > least[k]:
                 continue
-            _spread(phi, n, packed, size, s)
+            spread_at(phi, n, packed, size, s)
             for a in range(size):
                 x[0, a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
             x[0, 3] += gyro[n]
@@ -299,7 +286,7 @@ def gains(
 
 
 @compiled
-def _highest(share: Array, n: int, k: int) -> float:
+def highest_share(share: Array, n: int, k: int) -> float:
     """Return the largest probability in `share` of filter k at angle n, over all external fields and gyro states."""
     highest = 0.0
     for h in range(share.shape[2]):
@@ -335,7 +322,7 @@ def _gains_at(
             value = share[n, k, h, j]
             if value <= least:
                 continue
-            _inverse(s, extra[h], j * extra[-1], i)
+            inverse(s, extra[h], j * extra[-1], i)
             whole[j] += value
             for a in range(4):
                 x[1, a] = i[a, 0] * x[0, 0] + i[a, 1] * x[0, 1] + i[a, 2] * x[0, 2] + i[a, 3] * x[0, 3]
@@ -398,7 +385,7 @@ def _add_angle(phi: Array, n: int, c: int, moments: tuple[Array, Array], mean: A
     Add the moments of the weighted innovation at angle n to the sums of filter k over all angles, in place.
 
     moments: first (p, 4) and second (p, 4, 4) moments at the angle; mean (k, p, 12): sums of the products of basis and
-    first; products (p, 4, 4, 6): sums of second times the products of the basis, ordered as in `_packed`.
+    first; products (p, 4, 4, 6): sums of second times the products of the basis, ordered as in `packed_products`.
     """
     first, second = moments
     p, q, r = phi[n, 0], phi[n, 1], phi[n, 2]
@@ -417,7 +404,7 @@ def _add_angle(phi: Array, n: int, c: int, moments: tuple[Array, Array], mean: A
 
 
 @compiled
-def _inverse(s: Array, field: float, gyro: float, out: Array) -> None:
+def inverse(s: Array, field: float, gyro: float, out: Array) -> None:
     """Invert s, shape (4, 4), after adding `field` to its first three diagonal elements and `gyro` to the last."""
     a, b, c = s[0, 0] + field, s[1, 1] + field, s[2, 2] + field
     d, f, g = s[0, 1], s[0, 2], s[1, 2]

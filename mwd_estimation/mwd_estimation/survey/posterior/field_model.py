@@ -9,9 +9,11 @@ field b(A) that the tool should read (S0, eqs 12-21, written with unit vectors):
 
 with `level` the horizontal direction of the hole axis and `right` = down x level. The residual, the reading minus b(A),
 is linear in every error that lasts: bias, scale and interference of the magnetometers in tool axes, errors of the
-accelerometers (they turn the axes of b(A)), errors of total, dip and declination of the reference, and an external
-field along north, east and down. States are in units of their own nominal sigma; fields are in uT, to keep the numbers
-near 1.
+accelerometers (they turn the axes of b(A)), errors of total and dip of the reference, and an external field along
+north, east and down. States are in units of their own nominal sigma; fields are in uT, to keep the numbers near 1.
+
+A is the azimuth if the declination of the reference is exact. An error of the declination adds to the azimuth and does
+not change the residual at A (`declination`).
 """
 
 from __future__ import annotations
@@ -185,9 +187,9 @@ def predicted(angle: float, one: Row, sigma: Array, residual: Array, slopes: Arr
     """
     Compute the residual at one azimuth, and its slopes by the shared errors.
 
-    angle : azimuth, rad; one: a record of `GEOMETRY`; sigma, shape (23,), as `nominal_sigmas`. Filled: residual, shape
-    (3,), uT; slopes, shape (3, 23), uT per nominal sigma; turns, shape (3, 3), slopes by the specific force, uT per
-    m/s^2.
+    angle : azimuth for an exact declination, rad; one: a record of `GEOMETRY`; sigma, shape (23,), as `nominal_sigmas`.
+    Filled: residual, shape (3,), uT; slopes, shape (3, 23), uT per nominal sigma; turns, shape (3, 3), slopes by the
+    specific force, uT per m/s^2.
     """
     axes, field, force = one.axes, one.field, one.force
     horizontal, vertical = one.horizontal, one.vertical
@@ -201,10 +203,9 @@ def predicted(angle: float, one: Row, sigma: Array, residual: Array, slopes: Arr
     for i in range(3):
         level, right, down = axes[0, i], axes[1, i], axes[2, i]
         residual[i] = field[i] - (b_l * level + b_r * right + b_d * down)
-        north_m, east_m = cos_m * level - sin_m * right, sin_m * level + cos_m * right
+        north_m = cos_m * level - sin_m * right
         slopes[i, Shared.TOTAL] = (b_l * level + b_r * right + b_d * down) / total * sigma[Shared.TOTAL]
         slopes[i, Shared.DIP] = (horizontal * down - vertical * north_m) * sigma[Shared.DIP]
-        slopes[i, Shared.DECLINATION] = horizontal * east_m * sigma[Shared.DECLINATION]
         slopes[i, Shared.OUTSIDE] = (cos_a * level - sin_a * right) * sigma[Shared.OUTSIDE]
         slopes[i, Shared.OUTSIDE + 1] = (sin_a * level + cos_a * right) * sigma[Shared.OUTSIDE + 1]
         slopes[i, Shared.OUTSIDE + 2] = down * sigma[Shared.OUTSIDE + 2]
@@ -225,7 +226,7 @@ def predicted(angle: float, one: Row, sigma: Array, residual: Array, slopes: Arr
         slopes[i, Shared.MOUNT] = (turns[i, 2] * force[1] - turns[i, 1] * force[2]) * sigma[Shared.MOUNT]
         slopes[i, Shared.MOUNT + 1] = (turns[i, 0] * force[2] - turns[i, 2] * force[0]) * sigma[Shared.MOUNT + 1]
         slopes[i, Shared.MOUNT + 2] = (turns[i, 1] * force[0] - turns[i, 0] * force[1]) * sigma[Shared.MOUNT + 2]
-        slopes[i, Shared.FIELD_RATE] = slopes[i, Shared.GYRO] = 0.0
+        slopes[i, Shared.DECLINATION] = slopes[i, Shared.FIELD_RATE] = slopes[i, Shared.GYRO] = 0.0
 
 
 def basis(angle: Array) -> Array:
@@ -243,7 +244,8 @@ def expansion(one: Row, sigma: Array) -> tuple[Array, Array, Array]:
     Return residual, slopes and slopes by the force as factors of `basis`: shapes (3, 4), (3, 4, 23) and (3, 4, 3).
 
     one: a record of `GEOMETRY`. Index 3 of the second axis is the gyro azimuth; its residual is 0 here, because
-    `evidence.gyro_residual` computes it.
+    `evidence.gyro_residual` computes it. The gyro measures the azimuth, so its residual contains the error of the
+    declination.
     """
     residual, slopes, turns = np.zeros((3, 4)), np.zeros((3, 4, SIZE)), np.zeros((3, 4, 3))
     if one.has_field:
@@ -255,4 +257,6 @@ def expansion(one: Row, sigma: Array) -> tuple[Array, Array, Array]:
                 slopes[m, :3] += _TO_BASIS[m, k] * at[1]
                 turns[m, :3] += _TO_BASIS[m, k] * at[2]
     slopes[0, 3, Shared.GYRO] = one.gyro_lasting
+    if one.has_field and math.isfinite(one.gyro):
+        slopes[0, 3, Shared.DECLINATION] = sigma[Shared.DECLINATION]
     return residual, slopes, turns

@@ -15,11 +15,13 @@ changes the published result only, never the states.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
 
 from mwd_estimation.survey.posterior import circle, field_model, hypotheses
+from mwd_estimation.survey.posterior.declination import Declination, azimuth_density
 from mwd_estimation.survey.posterior.evidence import (
     OUT,
     CircleEvidence,
@@ -97,6 +99,32 @@ class Predicted(CircleEvidence):
 
     branched: RunState  #: the filters, with a second one for each if the string may have changed
     terms: tuple[Array, Array, Array]  #: residual, its covariance and P H' for the filters in use
+    gyro: Array  #: shape (n,); residual of the gyro at each angle, rad; 0 without a gyro
+    #: shape (h + 1,); variances of the external fields and, last, of a step of the gyro's bias, as for `gains`
+    extra: Array
+    #: error of the declination in the filters in use; None if the angles are azimuths: there is no field, or azimuths
+    #: are from magnetic north
+    declination: Declination | None
+
+    @functools.cached_property
+    def _azimuths(self) -> tuple[Array, Array]:
+        if self.declination is None:
+            return self.angles, self.by_angle
+        of_angles, terms = (field_model.basis(self.angles), self.gyro), self.terms[:2]
+        whole = azimuth_density(self.angles, self.share, self.adrift, of_angles, terms, self.extra, self.declination)
+        azimuths = circle.refined(np.log(circle.highest(whole.sum(axis=1)) + 1e-300))
+        found = whole[circle.places(azimuths)] * circle.widths(azimuths)[:, None]
+        return azimuths, found / found.sum()
+
+    @property
+    def azimuths(self) -> Array:
+        """Azimuths from the north of the run, rad, in order, shape (a,)."""
+        return self._azimuths[0]
+
+    @property
+    def by_azimuth(self) -> Array:
+        """Probability of each azimuth and state of the gyro, shape (a, 3); states as in `by_angle`."""
+        return self._azimuths[1]
 
 
 class RunFilter:
@@ -304,7 +332,8 @@ class RunFilter:
         terms, prior = self._terms(one, state, at), self._log_prior(state)[at]
         angles = circle.coarse()
         coarse = self._logs(one, terms, state, angles, prior)
-        first = CircleEvidence(angles, coarse[0], np.arange(len(at)), len(at))
+        adrift = self.filters.adrift[at % len(self.filters.adrift)]
+        first = CircleEvidence(angles, coarse[0], np.arange(len(at)), len(at), adrift)
         density = np.log(first.by_angle.sum(axis=1) + 1e-300)
         # Filters of negligible probability are left out.
         used = np.flatnonzero(first.by_kind.sum(axis=1) >= _HOPELESS)
@@ -317,36 +346,32 @@ class RunFilter:
             whole[again], whole[~again] = known[:, used], new
         self._add_turned(one, (r, S), state, angles, prior, log)
         least = float(misfit.min()) if one["has_field"] else 0.0
-        turn = self._declination(state.covariance[at[used]]) if self._by_magnetic_azimuth(one, state) else None
-        return Predicted(angles, log, at[used], len(state.mean), least, turn, branched=state, terms=(r, S, M))
+        # A field turned about the vertical does not measure the shared errors: its extra variance has no limit.
+        return Predicted(
+            angles,
+            log,
+            at[used],
+            len(state.mean),
+            adrift[used],
+            least,
+            branched=state,
+            terms=(r, S, M),
+            gyro=gyro_residual(one, angles) if math.isfinite(one["gyro"]) else np.zeros(len(angles)),
+            extra=np.array([*EXTERNAL_UT**2, OUT, gyro_step(one) ** 2]),
+            declination=self._declination(one, state, at[used], M),
+        )
 
-    @staticmethod
-    def _by_magnetic_azimuth(one: Row, state: RunState) -> bool:
-        """
-        Return whether neither this station nor the run so far has a gyro azimuth.
-
-        The field then depends on the magnetic azimuth only: no station says anything about the declination, and its
-        error is added to the azimuth that is found (`CircleEvidence.declination`). As a state that changes the
-        predicted field, it would move this field along a straight line. A large error of the declination moves the
-        field along a circle, so the readings would seem to exclude such an error.
-        """
-        return not math.isfinite(one["gyro"]) and not state.covariance[:, Shared.DECLINATION, Shared.GYRO].any()
-
-    def _declination(self, covariance: Array) -> Array:
-        """Return 1 sigma of the declination at one station in filters, rad, shape (k,); covariance (k, 23, 23)."""
-        at = Shared.DECLINATION
-        return np.asarray(self.sigma[at] * np.sqrt(covariance[:, at, at] + self._own[-1] ** 2))
-
-    def by_gyro_state(self, evidence: CircleEvidence) -> Array:
-        """
-        Return the probability of each angle and state of the gyro, shape (n, 3).
-
-        The states are: right; its bias stepped or drifts; wrong.
-        """
-        adrift = self.filters.adrift[evidence.filters % len(self.filters.adrift)]
-        drifts = evidence.with_gyro[:, adrift].sum(axis=1)
-        right, stepped, wrong = evidence.by_angle.T
-        return np.stack([np.maximum(right - drifts, 0.0), stepped + drifts, wrong], axis=1)
+    def _declination(self, one: Row, state: RunState, at: Indices, M: Array) -> Declination | None:
+        """Return the error of the declination at a station in the filters at `at`; M, shape (k, 23, 12): P H' there."""
+        index = Shared.DECLINATION
+        sigma, own = self.sigma[index], self._own[-1] ** 2
+        if not one["has_field"] or not sigma > 0.0:
+            return None
+        variance, slope = sigma**2 * (state.covariance[at, index, index] + own), sigma * M[:, index].reshape(-1, 3, 4)
+        if math.isfinite(one["gyro"]):
+            # Only the gyro measures the part of the error that belongs to this station.
+            slope[:, 0, 3] += sigma**2 * own
+        return Declination(sigma * state.mean[at, index], variance, slope)
 
     def learn(self, one: Row, evidence: Predicted) -> None:
         """Update the shared errors with a station; evidence: result of `evidence` for the present state."""
@@ -357,13 +382,11 @@ class RunFilter:
         both = np.tile(of_branch.reshape(-1, len(state.mean)).sum(axis=0), len(of_branch) // len(state.mean))
         least = np.where(of_branch[at] > _LEAST * both[at], _LEAST * evidence.highest, math.inf)
         has_gyro, step = math.isfinite(one["gyro"]), gyro_step(one)
-        gyro = gyro_residual(one, evidence.angles) if has_gyro else np.zeros(len(evidence.angles))
         # With a gyro, the points where its bias stepped are a second part of each filter.
         k, parts = len(at), 2 if has_gyro else 1
-        # A field turned about the vertical does not measure the shared errors: its extra variance has no limit.
-        extra = np.array([*EXTERNAL_UT**2, OUT, step**2])
         weight, moved, spread = np.zeros((k, parts)), np.zeros((k, parts, 12)), np.zeros((k, parts, 12, 12))
-        gains(evidence.share, least, (field_model.basis(evidence.angles), gyro), (r, S), extra, weight, moved, spread)
+        of_angles = field_model.basis(evidence.angles), evidence.gyro
+        gains(evidence.share, least, of_angles, (r, S), evidence.extra, weight, moved, spread)
         mean, covariance = (np.repeat(whole[:, None], parts, 1) for whole in (branched.mean, branched.covariance))
         M = np.repeat(M[:, None], parts, 1)
         if has_gyro:
@@ -379,7 +402,7 @@ class RunFilter:
         self._join(of_branch[:, None] * split, mean, covariance)
         if has_gyro:
             # A station at which no state of the gyro is probable enough is not counted.
-            state.of_gyro = state.of_gyro + (self.by_gyro_state(evidence).sum(axis=0) > _DECIDED)
+            state.of_gyro = state.of_gyro + (evidence.by_angle.sum(axis=0) > _DECIDED)
         state.outside = evidence.by_kind.sum(axis=0)
         state.of_outside = state.of_outside + state.outside
 
@@ -486,7 +509,9 @@ class RunFilter:
         own = H[:, _REFERENCE] * self._own
         S = H @ H.T + own @ own.T + J @ one["force_noise"] @ J.T + one["noise"]
         slope = np.tensordot(np.array([0.0, -math.sin(angle), math.cos(angle)]), residual, axes=1)[:3]
-        return min(1.0 / math.sqrt(float(slope @ np.linalg.solve(S, slope))), math.pi)
+        variance = 1.0 / float(slope @ np.linalg.solve(S, slope))
+        declination = self.sigma[Shared.DECLINATION] ** 2 * (1.0 + self._own[-1] ** 2)
+        return min(math.sqrt(variance + declination), math.pi)
 
     def _terms(self, one: Row, state: RunState, at: Indices) -> tuple[Array, Array, Array]:
         """
@@ -496,8 +521,6 @@ class RunFilter:
         """
         mean, covariance = state.mean[at], state.covariance[at]
         residual, slopes, turns = field_model.expansion(one, self.sigma)
-        if self._by_magnetic_azimuth(one, state):
-            slopes[:, :, Shared.DECLINATION] = 0.0
         H, by_force = slopes.reshape(12, SIZE), turns.reshape(12, 3)
         M, own = covariance @ H.T, H[:, _REFERENCE] * self._own
         S = H @ M + own @ own.T + by_force @ one["force_noise"] @ by_force.T
