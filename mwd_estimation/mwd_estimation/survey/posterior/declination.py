@@ -26,7 +26,7 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 
 # Smallest probability of a point that is used.
-_LEAST = 1e-12
+_LEAST = 1e-10
 # Largest covariance of independent errors by rounding, rad uT or rad^2.
 _INDEPENDENT = 1e-12
 # Smallest variance of the error, rad^2, and ratio of the variances for which the convolution is computed. Between two
@@ -62,14 +62,12 @@ def azimuth_density(
     whether the gyro of the filter drifts; circle_of: basis (n, 3) and residual (n,) of the gyro at each angle, 0
     without a gyro; terms: r (m, 3, 4) and S (m, 3, 3, 4, 4); extra (h + 1,): all as in `evidence.gains`.
     """
-    turn, variance = np.zeros_like(share), np.zeros_like(share)
-    _fill_errors(share, circle_of, terms, extra, error, turn, variance)
-    known = variance[share > _LEAST]
-    low, high = (int(math.log(max(at, _EXACT) / _EXACT) / math.log(_RATIO)) for at in (known.min(), known.max()))
-    smears = _EXACT * _RATIO ** np.arange(low, high + 2)
-    parts = np.zeros((3, len(smears), circle.STEPS))
-    width = circle.widths(angles)
-    _add_points(circle.places(angles), share / width[:, None, None, None], adrift, turn, variance, smears, parts)
+    mass, turn, smear = errors = np.zeros((3, *share.shape[:2], 3))
+    _fill_errors(share, adrift, circle_of, terms, extra, error, errors)
+    used = smear[mass > 0.0]
+    low = int(used.min())
+    parts = np.zeros((3, int(used.max()) - low + 2, circle.STEPS))
+    _add_points(circle.places(angles), mass / circle.widths(angles)[:, None, None], turn, smear - low, parts)
     found = np.zeros((circle.STEPS, 3))
     for state in np.flatnonzero(parts.any(axis=(1, 2))):
         whole = sum(np.fft.rfft(parts[state, k]) * _kept(low + k) for k in np.flatnonzero(parts[state].any(axis=1)))
@@ -91,14 +89,20 @@ def _kept(smear: int) -> Array:
 @compiled
 def _fill_errors(
     share: Array,
+    adrift: Array,
     circle_of: tuple[Array, Array],
     terms: tuple[Array, Array],
     extra: Array,
     error: tuple[Array, Array, Array],
-    mean: Array,
-    variance: Array,
+    errors: Array,
 ) -> None:
-    """Fill mean, rad, and variance, rad^2, of the error of the declination at every probable point, shape of share."""
+    """
+    Fill the error of the declination at every probable angle by filter and state of the gyro, shape (3, n, m, 3).
+
+    errors: probability, mean of the error, rad, and its variance as the power in `_kept`. A fraction of this power is
+    the part of the probability that the next power smears. The errors under all external fields are merged. errors
+    must be zero before; the inputs are those of `azimuth_density`.
+    """
     phi, gyro = circle_of
     r, S = terms
     before, spread, slope = error
@@ -117,64 +121,63 @@ def _fill_errors(
                     e[a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
                     c[a] = phi[n, 0] * slope[k, 0, a] + phi[n, 1] * slope[k, 1, a] + phi[n, 2] * slope[k, 2, a]
                 e[3] += gyro[n]
-            for h in range(share.shape[2]):
-                for j in range(last + 1):
-                    if share[n, k, h, j] > _LEAST:
-                        mean[n, k, h, j], variance[n, k, h, j] = before[k], spread[k]
-                        if known:
-                            # A wrong gyro, or none, does not measure the error: its variance has no limit.
-                            inverse(s, extra[h], OUT if j == last else j * extra[-1], i)
-                            for a in range(4):
-                                gain = i[a, 0] * c[0] + i[a, 1] * c[1] + i[a, 2] * c[2] + i[a, 3] * c[3]
-                                mean[n, k, h, j] += gain * e[a]
-                                variance[n, k, h, j] -= gain * c[a]
+            for j in range(last + 1):
+                whole, first, second = 0.0, 0.0, 0.0
+                for h in range(share.shape[2]):
+                    one = share[n, k, h, j]
+                    if not one > _LEAST:
+                        continue
+                    mean, variance = before[k], spread[k]
+                    if known:
+                        # A wrong gyro, or none, does not measure the error: its variance has no limit.
+                        inverse(s, extra[h], OUT if j == last else j * extra[-1], i)
+                        for a in range(4):
+                            gain = i[a, 0] * c[0] + i[a, 1] * c[1] + i[a, 2] * c[2] + i[a, 3] * c[3]
+                            mean += gain * e[a]
+                            variance -= gain * c[a]
+                    whole, first, second = whole + one, first + one * mean, second + one * (variance + mean * mean)
+                if whole > 0.0:
+                    state = 1 if adrift[k] and j < last else 2 - last + j
+                    mean = first / whole
+                    times = max((second / whole - mean * mean) / _EXACT, 1.0)
+                    power = math.floor(math.log(times) / math.log(_RATIO))
+                    errors[0, n, k, state] = whole
+                    errors[1, n, k, state] = mean
+                    errors[2, n, k, state] = power + (times / _RATIO**power - 1.0) / (_RATIO - 1.0)
 
 
 @compiled
-def _add_points(
-    places: Indices,
-    density: Array,
-    adrift: Array,
-    turn: Array,
-    variance: Array,
-    smears: Array,
-    parts: Array,
-) -> None:
+def _add_points(places: Indices, density: Array, turn: Array, smear: Array, parts: Array) -> None:
     """
     Add all points to the densities of the azimuth before the convolution; between two angles they are interpolated.
 
-    places (n,): steps of the circle at the angles; density, turn and variance (n, m, h, j): density of the angle, mean,
-    rad, and variance, rad^2, of the error at each point; smears (g,): variances of the convolutions, rad^2; parts
-    (3, g, `circle.STEPS`): probability of each azimuth, by state of the gyro and convolution.
+    places (n,): steps of the circle at the angles; density (n, m, 3): of the angle; turn and smear (n, m, 3): as from
+    `_fill_errors`, smear less the power of the first convolution; parts (3, g, `circle.STEPS`): probability of each
+    azimuth, by state of the gyro and convolution.
     """
-    steps, count, first = parts.shape[2], density.shape[0], 3 - density.shape[3]
+    steps, count = parts.shape[2], len(places)
     a_step = 6.283185307179586 / steps
     for k in range(density.shape[1]):
-        for h in range(density.shape[2]):
-            for j in range(density.shape[3]):
-                state = 1 if adrift[k] and first + j == 0 else first + j
-                for n in range(count):
-                    m = n + 1 if n + 1 < count else 0
-                    one, two = density[n, k, h, j], density[m, k, h, j]
-                    if not one + two > 0.0:
+        for state in range(3):
+            for n in range(count):
+                m = n + 1 if n + 1 < count else 0
+                one, two = density[n, k, state], density[m, k, state]
+                if not one + two > 0.0:
+                    continue
+                apart = (places[m] - places[n]) % steps
+                for t in range(apart):
+                    p, q = one * (1.0 - t / apart), two * (t / apart)
+                    whole = p + q
+                    if not whole > 0.0:
                         continue
-                    apart = (places[m] - places[n]) % steps
-                    for t in range(apart):
-                        p, q = one * (1.0 - t / apart), two * (t / apart)
-                        whole = p + q
-                        if not whole > 0.0:
-                            continue
-                        moved = (p * turn[n, k, h, j] + q * turn[m, k, h, j]) / whole
-                        smear = (p * variance[n, k, h, j] + q * variance[m, k, h, j]) / whole
-                        g = int(math.log(max(smear, smears[0]) / smears[0]) / math.log(_RATIO))
-                        g = min(g, len(smears) - 2)
-                        wider = min(max((smear - smears[g]) / (smears[g + 1] - smears[g]), 0.0), 1.0)
-                        at = (places[n] + t + moved / a_step) % steps
-                        place = int(at)
-                        beyond = at - place
-                        place %= steps
-                        after = place + 1 if place + 1 < steps else 0
-                        parts[state, g, place] += whole * a_step * (1.0 - wider) * (1.0 - beyond)
-                        parts[state, g, after] += whole * a_step * (1.0 - wider) * beyond
-                        parts[state, g + 1, place] += whole * a_step * wider * (1.0 - beyond)
-                        parts[state, g + 1, after] += whole * a_step * wider * beyond
+                    level = (p * smear[n, k, state] + q * smear[m, k, state]) / whole
+                    at = places[n] + t + (p * turn[n, k, state] + q * turn[m, k, state]) / whole / a_step
+                    g, place = int(level), math.floor(at)
+                    wider, beyond = level - g, at - place
+                    place %= steps
+                    after = place + 1 if place + 1 < steps else 0
+                    wide, narrow = whole * a_step * wider, whole * a_step * (1.0 - wider)
+                    parts[state, g, place] += narrow * (1.0 - beyond)
+                    parts[state, g, after] += narrow * beyond
+                    parts[state, g + 1, place] += wide * (1.0 - beyond)
+                    parts[state, g + 1, after] += wide * beyond
