@@ -31,7 +31,7 @@ def warm_up(settings: EstimatorSettings) -> None:
     quick = changed(settings, {"survey.automatic": True, "survey.settle_s": 0.0, "survey.duration_s": SHORTEST_S})
     imu, mag, heat = _samples()
     RepeatedSamples().take(imu["stamp_ns"], imu)
-    pipeline = Pipeline(quick, Reference(total=5e-5, dip=1.0, source="warm-up"))
+    pipeline = Pipeline(quick, Reference(total=5e-5, dip=1.0, declination=0.0, source="warm-up"))
     # Push two blocks without magnetic samples in between, so that the kernel that closes an open bin is called.
     cut_ns = imu["stamp_ns"][0] + round((_CONSTANT_S + _TURNING_S) * 1e9)
     for later in (False, True):

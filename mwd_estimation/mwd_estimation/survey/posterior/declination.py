@@ -19,6 +19,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mwd_estimation.survey.posterior import circle
 from mwd_estimation.survey.posterior.evidence import OUT, highest_share, inverse, packed_products, spread_at
@@ -47,7 +48,7 @@ class Declination(NamedTuple):
 def azimuth_density(
     angles: Array,
     share: Array,
-    adrift: Array,
+    adrift: NDArray[np.bool_],
     circle_of: tuple[Array, Array],
     terms: tuple[Array, Array],
     extra: Array,
@@ -89,7 +90,7 @@ def _kept(smear: int) -> Array:
 @compiled
 def _fill_errors(
     share: Array,
-    adrift: Array,
+    adrift: NDArray[np.bool_],
     circle_of: tuple[Array, Array],
     terms: tuple[Array, Array],
     extra: Array,

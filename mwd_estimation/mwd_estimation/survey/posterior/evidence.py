@@ -97,7 +97,7 @@ class CircleEvidence:
 
 @compiled
 def _probabilities(
-    log: Array, width: Array, adrift: Array, share: Array, by_angle: Array, by_kind: Array, highest: Array
+    log: Array, width: Array, adrift: NDArray[np.bool_], share: Array, by_angle: Array, by_kind: Array, highest: Array
 ) -> None:
     """
     Fill the probabilities of `CircleEvidence` from a log density up to a constant and the width of each angle.
