@@ -51,7 +51,8 @@ from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
 from mwd_surface.list_files.station_list import WITHOUT_POSITION, Start, StationList, carried
 from mwd_surface.list_files.table import Table, read_bytes, table_of, text_of
 
-_START_ROWS = ("tie-on", "assumed")  # rows of exports of this program that are not surveys, by their column "station"
+# Values of the column "station" in exports of this program, for rows that are not surveys
+_START_ROWS = ("tie-on", "assumed")
 # Words of columns that say whether a station may be used; an empty cell says nothing.
 _USABLE = number_cells.words_of(
     "accept|accepted|ok|okay|good|pass|passed|yes|y|true|valid|used|in use|approved|definitive|final|open|position|"
