@@ -171,7 +171,7 @@ class PolledFrame:
         if not self.polls:
             raise ValueError("polls: at least one is needed")
         if len({request(self, poll) for poll in self.polls}) < len(self.polls):
-            raise ValueError("polls: two requests are the same; their replies cannot be told apart")
+            raise ValueError("polls: two requests are the same; their replies cannot be distinguished")
         longest = max(poll.length for poll in self.polls)
         if longest > (255 if self.counted else _LONGEST // 2):
             raise ValueError(f"polls: a reply of {longest} data bytes is too long")
