@@ -172,7 +172,7 @@ class SeekState:
     if TYPE_CHECKING:
 
         def copy(self) -> SeekState:
-            """Return an independent copy, like every numpy record."""
+            """Return an independent copy, as the method `copy` of a numpy record does."""
             ...
 
 
