@@ -216,7 +216,7 @@ def _run() -> None:
 
     The library that reads the arguments writes its messages in English; they are translated as all other texts are.
     """
-    # The language is needed before the commands are made, because they have their help.
+    # Choose the language before the commands are created, because their help texts are made with them.
     given = next((pair[1] for pair in zip(sys.argv[1:], sys.argv[2:], strict=False) if pair[0] == "--language"), None)
     given = next((one.partition("=")[2] for one in sys.argv[1:] if one.startswith("--language=")), given)
     if given is not None:

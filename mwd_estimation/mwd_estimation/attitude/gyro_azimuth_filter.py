@@ -186,7 +186,7 @@ class GyroAzimuthState:
     mag_status: int  #: status bits of the last magnetic azimuth
     last_bin: int  #: index of the last processed bin; NO_BIN before the first
     bin_gyro_turn: float  #: `gyro_turn` at the end of the last processed bin, rad
-    slow_sigma: float  #: 1 sigma that is the unit of the state Error.SLOW_ERROR, rad
+    slow_sigma: float  #: 1 sigma of the slow error, rad; the state Error.SLOW_ERROR is in multiples of it
     by_gyro_only: bool  #: whether the azimuth comes from a north seek and the gyros only
     have_station: bool  #: whether a station's azimuth is propagated
     station_constant_sigma: float  #: 1 sigma of the error common to the station and all magnetic azimuths, rad

@@ -30,7 +30,7 @@ def _signed_permutations() -> list[Indices]:
 
 
 def _contrived(m: Indices) -> int:
-    """Return the rank of a mapping as a mistake: 1 (most likely: one axis reversed, two exchanged) to 4 (mixtures)."""
+    """Return how unlikely a mapping is as a mistake: 1 (one axis reversed or two exchanged) to 4 (mixtures)."""
     fixed, flips = int(np.count_nonzero(np.diagonal(m))), int(np.count_nonzero(m < 0))
     if fixed == 3:
         return {1: 1, 3: 2, 2: 3}[flips]
@@ -42,7 +42,7 @@ MAPPINGS = _signed_permutations()
 
 _PROPER = [m for m in MAPPINGS if round(float(np.linalg.det(m))) == 1]
 ROTATIONS: Array = np.array(_PROPER, dtype=float)
-"""The 24 rotations among `MAPPINGS`, shape (24, 3, 3). Each can hold with the attitude from +w or -w: 48 cases."""
+"""The 24 rotations among `MAPPINGS`, shape (24, 3, 3); with the attitude integrated from +w or from -w, 48 cases."""
 
 
 def _mistakes() -> tuple[Indices, Indices]:

@@ -187,7 +187,7 @@ def _sign(fault: SensorFault, _: str) -> tuple[str, str]:
 
 
 def _frame(fault: SensorFault, _: str) -> tuple[str, str]:
-    message = "accelerometer and magnetometer do not belong together: the dip is wrong at the right field strength"
+    message = "accelerometer and magnetometer do not match: the field strength is right, but the dip is wrong"
     remedy = "check axes, frame and stamps of both, and the reference field; look for external interference"
     ways = _way_words(_few(fault))
     return (f"{message}; the dip fits with {ways}" if ways else message), remedy

@@ -134,7 +134,7 @@ def flow(samples: Samples) -> Samples:
 
 
 def kept(held: Samples, more: Samples) -> Samples:
-    """Return earlier and further refused readings (dtype REFUSED) joined, but only the newest `_MOST_KEPT`."""
+    """Return the newest `_MOST_KEPT` of the earlier and the new refused readings (dtype REFUSED)."""
     return np.concatenate([held, more])[-_MOST_KEPT:]
 
 

@@ -63,8 +63,8 @@ def angle_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     """
     Return the derivatives of (inclination, raw magnetic azimuth, gravity toolface) with respect to (f_t, b_t).
 
-    f_t, b_t, shape (..., 3), m/s^2 and T. Returns shape (..., 3, 6), rad per m/s^2 and rad per T. Azimuth and toolface
-    grow as 1 / sin(inclination) towards the vertical. The field must not be vertical.
+    f_t, b_t, shape (..., 3), m/s^2 and T. Returns shape (..., 3, 6), rad per m/s^2 and rad per T. The derivatives of
+    azimuth and toolface grow as 1 / sin(inclination) towards the vertical. The field must not be vertical.
     """
     f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))
     g = np.linalg.norm(f_t, axis=-1)
@@ -91,7 +91,7 @@ def angle_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     square = (north**2 + east**2)[..., None]
     azimuth_b = (north[..., None] * east_b - east[..., None] * north_b) / square
     azimuth_d = (north[..., None] * east_d - east[..., None] * north_d) / square
-    # Scaling f does not tilt the vertical, so the part along f drops out.
+    # Scaling f does not change the direction of the vertical, so the component along f has no effect.
     azimuth_f = -(azimuth_d - np.sum(azimuth_d * down, axis=-1, keepdims=True) * down) / g[..., None]
     jac[..., 1, :3], jac[..., 1, 3:] = azimuth_f, azimuth_b
     return jac

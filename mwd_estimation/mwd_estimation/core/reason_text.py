@@ -132,7 +132,7 @@ WORDS: dict[Code, str] = {
     Code.MOUNT_MAY_BE_TURNED: "inclination may be wrong by {value:.1f deg} (1 sigma): the dip also fits accelerometers "
     "turned in their mount; survey again at another toolface, check the tool at surface",
     Code.READINGS_REPEATED: "the readings are to the last digit those of station {value:.0f} of this run: old data "
-    "played again; survey again",
+    "sent again; survey again",
     Code.UNCERTAIN_STRING: _UNCERTAIN + "drill-string interference cannot be determined well enough at this "
     "attitude, at any toolface; take a gyro, or stations of this run where the hole has another direction",
     Code.UNCERTAIN_COLLAR: _UNCERTAIN + "the field of a magnetised collar cannot be determined well enough; take "

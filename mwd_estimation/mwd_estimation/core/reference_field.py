@@ -30,8 +30,9 @@ SIGMA_DECLINATION_FIELD = math.radians(5831e-9)
 # 1 sigma of the reference gravity, m/s^2. Models are accurate to 3e-4 m/s^2. The sigma is larger because a calibration
 # may have taken either standard gravity or the gravity of the workshop as one g.
 SIGMA_GRAVITY = 6e-3
-# 1 sigma of the gravity at the tool less the normal gravity of its place (`earth.gravity`), m/s^2: anomalies of 3e-4
-# (35 mGal rms on land) and a depth of 2.3 km, which adds 8.5e-7 a metre (`earth.gravity_gradient`).
+# 1 sigma of the difference between the gravity at the tool and the normal gravity of its place (`earth.gravity`),
+# m/s^2: anomalies of 3e-4 (35 mGal rms on land) and a depth of 2.3 km, which adds 8.5e-7 a metre
+# (`earth.gravity_gradient`).
 LOCAL_GRAVITY = 2e-3
 # Strength of the external field above which a survey counts as taken in a magnetic storm, T. A K index of 5 at mid
 # latitudes means a range of 70 to 120 nT within three hours (Bartels).

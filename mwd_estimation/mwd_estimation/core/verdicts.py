@@ -6,9 +6,9 @@ from __future__ import annotations
 import math
 
 ACCEPT, DOUBTFUL, REJECT = "accept", "doubtful", "reject"
-# Verdict on a quantity that is not defined at the attitude, such as the azimuth of a vertical hole.
+# Verdict on a quantity that is not defined at the attitude of a station, such as the azimuth of a vertical hole.
 NOT_DETERMINED = "not_determined"
-#: Azimuth movement, rad, below which a survey does not count as revised.
+#: Change of the azimuth, rad, below which a survey does not count as revised.
 MOVED = math.radians(0.05)
 
 

@@ -82,7 +82,8 @@ _SCALE = {"rotation": 1e6, "flow": 1e9}
 # Smallest and largest allowed ratio of the measured to the configured drop of flow or rotation: flow meters are
 # inexact, and the string slips.
 _DROP = (0.6, 1.5)
-# Largest difference between the high values of one command, as a share of the drop: half the distance of two levels.
+# Largest difference between the high values of one command, as a share of the drop: half the distance between two
+# levels.
 _STEADY = 1.0 / (2.0 * (LEVELS - 1))
 # Largest allowed distance of the measured levels from whole levels, rms and maximum. Random values have an rms of 0.29.
 _RMS, _MOST = 0.2, 0.42

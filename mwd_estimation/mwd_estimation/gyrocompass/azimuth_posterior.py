@@ -173,7 +173,7 @@ def posterior(parts: Mixture, horizontal: float, expected: float | None = None) 
 
 def sigma_of_mixture(weight: Array, off: Array, sigmas: Sequence[float]) -> float:
     """
-    Return 1 sigma, rad, of the Gaussian about zero that has its central 99 % in the same interval as a mixture.
+    Return 1 sigma, rad, of the zero-mean Gaussian whose central 99 % interval is as wide as that of a mixture.
 
     weight, off, sigmas, shape (n,): weights, which have the sum 1, means and 1 sigma of the Gaussians of the mixture,
     rad. The result is at most pi.

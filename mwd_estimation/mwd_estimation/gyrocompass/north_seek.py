@@ -95,7 +95,7 @@ def dual_unit(
     stamps, ahrs_stamps = np.asarray(stamp_ns, dtype=np.int64), np.asarray(ahrs_stamp_ns, dtype=np.int64)
     rates, ahrs = np.array(precision_t, dtype=float), np.asarray(ahrs_t, dtype=float)
     if ahrs_stamps.size == 0:
-        raise ValueError("ahrs_stamp_ns: the conventional unit gave no sample to take the x rate from")
+        raise ValueError("ahrs_stamp_ns: no sample of the conventional unit; its x rate is needed")
     # Seconds from a common start, so that a float keeps the digits.
     start = ahrs_stamps[0]
     x = np.interp((stamps - start) * 1e-9, (ahrs_stamps - start) * 1e-9, ahrs[:, 0])

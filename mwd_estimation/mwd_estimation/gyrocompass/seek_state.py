@@ -172,7 +172,7 @@ class SeekState:
     if TYPE_CHECKING:
 
         def copy(self) -> SeekState:
-            """Return an independent copy, like every numpy record."""
+            """Return an independent copy, as the method `copy` of a numpy record does."""
             ...
 
 
@@ -314,7 +314,7 @@ def kernel_params(params: SeekParams) -> KernelParams:
     """Return the parameters in SI."""
     latitude = math.radians(params.latitude_deg)
     horizontal = EARTH_RATE * math.cos(latitude)
-    # Along, across, stretch and shear are half sums of two matrix elements, each of this sigma.
+    # Each of along, across, stretch and shear is half the sum of two matrix elements, each with the stated sigma.
     element = G_SCALES[-1] * max(params.g_sensitivity_deg_h_g, _LEAST_G) * math.sqrt(0.5)
     start_x, start_y, start_z = (_UNKNOWN * sigma * DEG_PER_HOUR for sigma in params.bias_sigma_deg_h)
     along, across, stretch, shear = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / STANDARD_GRAVITY

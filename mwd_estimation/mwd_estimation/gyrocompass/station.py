@@ -35,7 +35,8 @@ _ENOUGH_SIGMA = math.radians(0.7)
 # Largest standard deviation and largest change of the axial force during a rotation that does not end the seek, m/s^2;
 # and largest change of the axial force at rest without a move of the hole axis, m/s^2.
 _MAX_SHAKE, _MAX_AXIS_STEP = 0.25, 0.03
-# Smallest share of noise in the sigma at which waiting is useful; noise also limits the accuracy of a bias.
+# Smallest share of the sigma that comes from noise at which a longer seek is useful; noise also limits the accuracy of
+# a bias.
 _BY_NOISE = 0.1
 # Interval at which `pending` computes a solution, s: one solution costs as much as thousands of samples.
 _PENDING_EVERY_S = 2.5

@@ -226,7 +226,7 @@ def mapping_of(found: Indices) -> int:
     """
     Return the index in MAPPINGS of the results `found`, shape (3,); 0 (no change) if no mapping fits.
 
-    An axis without a match counts as its own axis, or as a free axis if its own is the match of another axis.
+    An axis without a match is assumed to match its own axis, or a free axis if its own is already matched.
     """
     free, matrix = np.ones(3, dtype=np.bool_), np.zeros((3, 3), dtype=np.int64)
     for k in range(3):

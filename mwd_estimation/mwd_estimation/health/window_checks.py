@@ -451,7 +451,7 @@ class WindowJudge:
         hole would point up.
         """
         w = self._window
-        # If the axes do not belong together, the mount cannot be determined.
+        # If the axes of accelerometer and magnetometer do not match, the mount cannot be determined.
         together = self._force.confirms or self._field.confirms
         if not together or self._checks[FaultCode.AXES, 0].state == FAULT or self._samples[0] != WHOLE:
             return False

@@ -119,7 +119,8 @@ class FaultHistory:
         """
         Return the survey, rejected if one of its sensors was faulty in its interval, or doubtful if one was in doubt.
 
-        Doubts after the interval are ignored, because it depends on the cut into blocks whether they are known yet.
+        Doubts after the interval are ignored, because the cut of the samples into blocks decides which of them are
+        already known.
         """
         against = self.against(survey, 0)
         return survey if against is None else against.judge(survey)

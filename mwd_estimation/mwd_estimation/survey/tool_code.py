@@ -70,7 +70,7 @@ def folder() -> Path:
 
 
 def _index() -> list[str]:
-    """Return the short names in welleng's index; its `get_error_models` reads the file again each time."""
+    """Return the short names in welleng's index, which is loaded once; `get_error_models` reads a file at each call."""
     from welleng.error import ERROR_MODELS
 
     return list(ERROR_MODELS)

@@ -131,7 +131,7 @@ def magnetic_field(lat: float, lon: float, height: float, date: datetime.date, m
 def field_at_year(lat: float, lon: float, height: float, year: float, model: str = "wmm2025") -> Array:
     """Return the field of `magnetic_field`, with the same errors, for a decimal year instead of a date."""
     if model not in MODELS:
-        raise ValueError(f"model {model!r} is not known; one of {', '.join(MODELS)}")
+        raise ValueError(f"model {model!r} is not known; choose one of {', '.join(MODELS)}")
     if not -math.pi / 2 <= lat <= math.pi / 2:
         raise ValueError(f"lat {lat:g} rad is off the Earth; latitudes are in rad, -pi/2 to pi/2")
     if not -math.tau <= lon <= math.tau:
@@ -157,7 +157,7 @@ def years(model: str) -> tuple[float, float]:
         The model is unknown.
     """
     if model not in MODELS:
-        raise ValueError(f"model {model!r} is not known; one of {', '.join(MODELS)}")
+        raise ValueError(f"model {model!r} is not known; choose one of {', '.join(MODELS)}")
     return _YEARS[model]
 
 

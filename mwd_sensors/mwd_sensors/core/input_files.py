@@ -180,8 +180,8 @@ def load_json(
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     budget.check("size", len(data))
     if budget.nesting is not None and _brackets(data) > budget.nesting:
-        # `_brackets` also counts brackets inside strings. Only if this depth is above the limit, repeat the slow way:
-        # remove the strings first.
+        # `_brackets` also counts brackets inside strings. Only if the count is above the limit, count again without the
+        # strings, which takes longer.
         budget.check("nesting", _brackets(_TEXT.sub(b"", data)))
     try:
         return json.loads(text, parse_constant=parse_constant)

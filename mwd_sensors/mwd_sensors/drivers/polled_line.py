@@ -171,7 +171,7 @@ class PolledFrame:
         if not self.polls:
             raise ValueError("polls: at least one is needed")
         if len({request(self, poll) for poll in self.polls}) < len(self.polls):
-            raise ValueError("polls: two requests are the same; their replies cannot be told apart")
+            raise ValueError("polls: two requests are the same; their replies cannot be distinguished")
         longest = max(poll.length for poll in self.polls)
         if longest > (255 if self.counted else _LONGEST // 2):
             raise ValueError(f"polls: a reply of {longest} data bytes is too long")
@@ -471,9 +471,9 @@ class Master:
                 return f"a reply of unit {body[0]} in place of unit {self.frame.address}: check the addresses"
             if body[0] == self.frame.address:
                 if len(body) < size:
-                    return "half a reply: the cable, the unit's power, or timeout_s too short"
+                    return "part of a reply: check the cable and the unit's power, or raise timeout_s"
                 return "a reply with a wrong check: noise, termination of the line, or two units with one address"
-        return "bytes that are no reply: noise, baud, or another frame than in frame_file"
+        return "bytes that are not a reply: noise, wrong baud, or a frame that differs from frame_file"
 
     def _note(self, words: str) -> None:
         self.trouble[words] = self.trouble.get(words, 0) + 1

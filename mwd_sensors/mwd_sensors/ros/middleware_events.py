@@ -78,7 +78,7 @@ class MiddlewareEvents:
         for (topic, receives), qos in list(self._incompatible.items()):
             others = self._unfit(topic, receives, qos)
             if others:
-                verb = "receives nothing from" if receives else "is not heard by"
+                verb = "receives nothing from" if receives else "cannot send to"
                 message = f"{topic}: this node {verb} {'; '.join(others)}; its own profile is {_words(qos)}"
                 found.append(Diagnostic(f"middleware {topic}", ERROR, message, "give both the same QoS profile"))
             else:

@@ -112,8 +112,8 @@ class Coil:
     )
     moment_a_m2: float = setting(
         5.0,
-        "Moment of the coil: current times turns times area, with its core. The strength at a distance that is "
-        "measured on the surface gives it (`mwd tool locate --calibrate`).",
+        "Moment of the coil: current times turns times area, with its core. Determine it from the strength "
+        "measured on the surface at a known distance (`mwd tool locate --calibrate`).",
         unit="A m^2",
         low=1e-4,
         high=1e4,

@@ -58,9 +58,9 @@ class Downlink:
     )
     depth: float = setting(
         0.4,
-        "Largest reduction of rotary speed or flow in a command, as a share of the value while drilling; 0.4 suits "
-        "rotation, 0.2 flow. Raise it if commands are missed; the rig then changes more, and flow must stay above the "
-        "tool's threshold.",
+        "Largest reduction of rotary speed or flow in a command, as a share of the value while drilling; 0.4 is "
+        "suitable for rotation, 0.2 for flow. Raise it if commands are missed; the rig then changes more, and flow "
+        "must stay above the tool's threshold.",
         low=0.02,
         high=0.9,
     )
@@ -81,7 +81,7 @@ class Downlink:
         """Raise ValueError if a table has more entries than an argument can number."""
         for name in ("pulse_widths_s", "carriers_hz"):
             if len(getattr(self, name)) > ARGUMENTS:
-                raise ValueError(f"{name}: a command can choose among {ARGUMENTS}, got {len(getattr(self, name))}")
+                raise ValueError(f"{name}: at most {ARGUMENTS} values can be selected, got {len(getattr(self, name))}")
 
     @property
     def least_value(self) -> float:

@@ -98,8 +98,8 @@ class ToolConfiguration:
     )
     flow_threshold_lpm: float = setting(
         600.0,
-        "Flow above which the tool considers the pumps on. Raise it if some flow remains during connections. Except "
-        "on a wire, the tool is silent below it.",
+        "Flow above which the tool considers the pumps on. Raise it if some flow remains during connections. Below "
+        "this flow the tool is silent, unless it is on a wire.",
         low=1.0,
         high=20000.0,
     )

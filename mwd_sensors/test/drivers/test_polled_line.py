@@ -110,9 +110,9 @@ def test_a_reply_is_read_however_it_is_cut_and_with_or_without_an_echo(cuts, ech
     ("change", "words"),
     [
         (lambda _: b"", "no reply: check power"),
-        (lambda right: right[:5], "half a reply"),
+        (lambda right: right[:5], "part of a reply"),
         (lambda right: right[:-1] + bytes([right[-1] ^ 1]), "wrong check"),
-        (lambda _: b"\x55\xaa" * 9, "noise, baud, or another frame"),
+        (lambda _: b"\x55\xaa" * 9, "noise, wrong baud, or a frame"),
         (
             lambda _: polled_line.reply(dataclasses.replace(FRAME, address=5), ANGLES, VALUES),
             "a reply of unit 5 in place of unit 1",

@@ -125,7 +125,7 @@ def cdr_problem(messages: list[bytes], type_name: str) -> str:
 
 
 def _may_be_cdr(data: bytes, type_name: str) -> bool:
-    """Return whether bytes begin like CDR of ROS 2 and, for a sensor in big-endian order, can be decoded."""
+    """Return whether bytes begin like CDR of ROS 2; a big-endian message of a sensor must also be decodable."""
     if data[:2] not in _CDR_HEADS:
         return False
     if data[:2] != _BIG_ENDIAN or type_name not in wire.LAYOUTS or type_name not in ros2_types().fielddefs:

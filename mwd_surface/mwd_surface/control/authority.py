@@ -364,7 +364,7 @@ class ControlAuthority:
             return ControlDecision(Permission.GRANTED, lease.number, "granted")
         reasons = ["for a person to grant it"] if self.settings.grant == "operator" else []
         if stronger is not None:
-            reasons.insert(0, f"for {stronger.name} to leave")
+            reasons.insert(0, f"for {stronger.name} to give control back")
         lease.waits = f"waits {' and '.join(reasons)}"
         self._pending = lease
         self._log(f"{lease.name} asks for control and {lease.waits}")

@@ -48,10 +48,11 @@ class LeaseNumbers:
             reserved = 0
         except (OSError, ValueError, TypeError, KeyError) as error:
             why = without_contents(self._file, error)
-            raise ValueError(f"{why}; delete it if no lease is newer than the clock") from error
+            raise ValueError(f"{why}; delete it if the clock was not set back since the last lease") from error
         if type(reserved) is not int or not 0 <= reserved <= _LARGEST - _BLOCK:
             raise ValueError(
-                f"{self._file}: the number in it is not valid; delete the file if no lease is newer than the clock"
+                f"{self._file}: the number in it is not valid; delete the file if the clock was not set back since the"
+                " last lease"
             )
         self.end = max(reserved, at_least)
         return self.end

@@ -339,7 +339,7 @@ class Machine:
         ValueError
             There is no draft, or the draft has another number.
         """
-        self._require(DownlinkState.DRAFT, "there is no draft to ask for")
+        self._require(DownlinkState.DRAFT, "there is no draft to submit")
         self._require_number(number or self.number)
         return self._go(DownlinkState.PENDING, f"{self.about}: request {self.number} waits for permission", by, now)
 

@@ -70,7 +70,7 @@ class Memory:
             return Kept()
         except (OSError, ValueError, TypeError, KeyError) as error:
             why = without_contents(self._file, error)
-            raise ValueError(f"{why}; delete it if the tool runs by its tool.yaml") from error
+            raise ValueError(f"{why}; delete it if the tool runs with the settings of its tool.yaml") from error
         try:
             applied(tool, kept.in_force)
         except ValueError:

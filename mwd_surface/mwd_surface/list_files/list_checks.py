@@ -214,7 +214,7 @@ def _cause(columns: tuple[Array, Array, Array], positions: Array) -> str:
     dips = "the inclinations are angles from the horizontal (dips): name the column dip"
     mixed = "feet and metres are mixed; write the unit into the name of each column, such as MD (ft) and X (m):"
     turned = (
-        "the azimuths are from another north than the north and east columns, which are turned from them by"
+        "azimuths and the north and east columns are from different norths: the columns are turned by"
         f" {math.degrees(turn):+.2f} deg"
     )
     # For each mistake: its name for the message, and the angles and positions without the mistake.

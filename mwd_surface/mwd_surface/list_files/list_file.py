@@ -51,7 +51,8 @@ from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
 from mwd_surface.list_files.station_list import WITHOUT_POSITION, Start, StationList, carried
 from mwd_surface.list_files.table import Table, read_bytes, table_of, text_of
 
-_START_ROWS = ("tie-on", "assumed")  # rows of exports of this program that are not surveys, by their column "station"
+# Values of the column "station" in exports of this program, for rows that are not surveys
+_START_ROWS = ("tie-on", "assumed")
 # Words of columns that say whether a station may be used; an empty cell says nothing.
 _USABLE = number_cells.words_of(
     "accept|accepted|ok|okay|good|pass|passed|yes|y|true|valid|used|in use|approved|definitive|final|open|position|"
@@ -62,7 +63,7 @@ _UNUSABLE = number_cells.words_of(
     "rejected|bad|fail|failed|no|n|false|invalid|unused|not used|do not use|not accepted|excluded|omitted|not ok|nok"
 )
 _UPWARDS = 3  # smallest number of stations in a list that may be written from the bottom up
-_NUMBERED = {"1": "yes", "0": "no"}  # of columns such as "use"; of a quality flag, neither number has a usual meaning
+_NUMBERED = {"1": "yes", "0": "no"}  # for columns such as "use"; in a quality flag, 1 and 0 have no usual meaning
 # Distance between wellhead and first station at which a convergence of 3 deg moves the station by half a metre, m.
 _OFFSET = 10.0
 # First bytes of recordings, which are not lists.
@@ -693,8 +694,8 @@ class _ListReader:
         if abs(turn) > math.radians(6.0) or not fits((md, inc, azi + turn), positions):
             return positions
         text = (
-            f"{self.name}: its azimuths are from {north} north, its north and east columns turned by"
-            f" {math.degrees(turn):+.2f} deg from them, as a grid is: those columns are turned back"
+            f"{self.name}: its azimuths are from {north} north, but its north and east columns are turned like a grid"
+            f" by {math.degrees(turn):+.2f} deg from that north: these columns are turned back"
         )
         self._say(RemarkKind.MAP_TURNED, text, turn=float(turn))
         level = (positions[:, 0] + 1j * positions[:, 1]) * np.exp(-1j * turn)

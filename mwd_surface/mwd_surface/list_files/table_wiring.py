@@ -2,10 +2,11 @@
 """
 Detection of wrong handedness, sign, order or unit, or a dead axis, in the sensor columns of a six-axis table.
 
-The three columns of a sensor may be exchanged or have another sign (48 wirings, half of them left-handed), or be in
-another unit; all rows of a run have the same fault. Two comparisons reveal it. Total and dip of the reference reveal a
-wrong unit, a dead axis, and a wrong wiring of one sensor relative to the other. The inclination and azimuth given in
-the table reveal a wrong wiring that both sensors share, above all the handedness: a mirrored table has the same totals.
+A wiring says which column, with which sign, belongs to which axis of a sensor; there are 48, half of them left-handed.
+The columns may have a wrong wiring, or be in another unit; all rows of a run have the same fault. Two comparisons
+reveal it. Total and dip of the reference reveal a wrong unit, a dead axis, and a wrong wiring of one sensor relative to
+the other. The inclination and azimuth given in the table reveal a wrong wiring that both sensors share, above all the
+handedness: a mirrored table has the same totals.
 """
 
 from __future__ import annotations
@@ -198,9 +199,9 @@ def _wirings(
     reversed_dips = known.any() and fits[_REVERSED, _AS_IT_IS] >= _MOST and fits[_AS_IT_IS, _AS_IT_IS] <= _FEW
     tilt = inclination(f[_AS_IT_IS])
     if off is None and reversed_dips and ((tilt > _UPWARDS).all() or tilt.max() > _NO_HOLE):
-        # Specific force under the names of gravity, or the reverse: the hole seems to go up everywhere, or as steeply
-        # as no well does. A reference dip of the wrong sign gives the same difference of the dips, but leaves the hole
-        # pointing down.
+        # The columns contain specific force although they are named as gravity, or the reverse: the hole seems to go up
+        # everywhere, or as steeply as no well does. A reference dip of the wrong sign gives the same difference of the
+        # dips, but leaves the hole pointing down.
         return [(_REVERSED, _AS_IT_IS)], True
     if off is not None and off[_AS_IT_IS, _AS_IT_IS] > _DIRECTION_OFF:
         # Compare with the angles in the table. Among the wirings that fit these angles, keep those with the best dips.

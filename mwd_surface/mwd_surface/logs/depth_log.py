@@ -322,7 +322,7 @@ class DepthLog:
             self._bottom = self._bottoms[-1] if at else -math.inf
             while self._left and self._left[-1].stamp_ns >= stamp_ns:
                 self._left.pop()
-            # Samples at the removed depths could not be placed again.
+            # Make all samples so far final: those at the removed depths could not be assigned to a depth again.
             for channel in self._channels.values():
                 channel.make_final(channel.state.newest_ns + 1)
         self._adjust_bottom(stamp_ns, bit_depth)

@@ -472,7 +472,7 @@ class StateJson:
 
 
 def _part(part: Any) -> Table | None:
-    """Return a part of the state as a section: rows of a sequence, value of a number, fields; None stays None."""
+    """Return a part of the state as a section: a sequence as rows, a number as value, else fields; None stays None."""
     if isinstance(part, tuple):
         return {"rows": plain(part[:_MAX_ROWS])}
     table: Table | None = {"value": number(part)} if isinstance(part, float) else plain(part)

@@ -80,7 +80,7 @@ def cells_of(line: str) -> list[dict[str, str]]:
 
 
 def _values(path: Path, encoding: str) -> Iterator[Any]:
-    """Yield the JSON value of each line, None for a line that is not JSON; or the value of a file with one document."""
+    """Yield the JSON value of each line, None if it is not JSON; of a file with one document, only this value."""
     with path.open(encoding=encoding, errors="replace") as file:
         first = _loaded(file.readline(_LONGEST_LINE))
     if first is None and path.stat().st_size <= budgets.PRESSURE_JSON.size:

@@ -184,7 +184,7 @@ class LineSource(_OfStream):
         if self._format is None:
             self._head = [*self._head, *lines][-_LONGEST_HEAD:]
             if not self._head or (len(self._head) < _HEAD_LINES and not self._stream.ended):
-                self._wrong = f"{len(self._head)} of the {_HEAD_LINES} lines have arrived that tell the format"
+                self._wrong = f"{len(self._head)} lines have arrived; {_HEAD_LINES} are needed to recognise the format"
                 return np.zeros(0), np.zeros(0)
             try:
                 table = self._from_json(self._head)

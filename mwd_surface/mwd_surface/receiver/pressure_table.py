@@ -619,9 +619,7 @@ class _TableFile:
         words = pc.and_(pc.invert(is_number), pc.greater(pc.utf8_length(text), 0))
         if count := pc.sum(words).as_py():
             example = cells.filter(words)[0].as_py()[:20]
-            notes.append(
-                f"{count} cells have a word in place of a number, such as {example!r}, and are missing samples"
-            )
+            notes.append(f"{count} cells have a word in place of a number, such as {example!r}, and count as missing")
         return values, notes
 
     def _mark(self, text: Any, column: _Column) -> str:
@@ -846,7 +844,7 @@ def _without_nulls(values: Array) -> tuple[Array, list[str]]:
     null = np.isin(values, NULL_NUMBERS)
     if not null.any():
         return values, []
-    note = f"{int(null.sum())} cells have the null value {values[null][0]:g} and are missing samples"
+    note = f"{int(null.sum())} cells have the null value {values[null][0]:g} and count as missing"
     return np.where(null, math.nan, values), [note]
 
 
@@ -862,7 +860,7 @@ def _of_good_quality(pressure: Array, quality: Any) -> tuple[Array, list[str]]:
     if set(np.unique(numbers)) & _GOOD_QUALITIES:
         lost |= numbers < _BAD_QUALITY
     lost &= np.isfinite(pressure)
-    note = f"{int(lost.sum())} samples have a bad quality and are missing samples"
+    note = f"{int(lost.sum())} samples have a bad quality and count as missing"
     return np.where(lost, math.nan, pressure), [note] if lost.any() else []
 
 
@@ -873,7 +871,5 @@ def _of_current(current: Array) -> tuple[Array, list[str]]:
         f"a current of 4 to 20 mA: the range of the gauge is not known, 20 mA is taken as {_FULL_SCALE / 1e5:g} bar"
     ]
     if broken.any():
-        notes.append(
-            f"{int(broken.sum())} samples are below 3.6 mA, which means a broken wire, and are missing samples"
-        )
+        notes.append(f"{int(broken.sum())} samples are below 3.6 mA, which means a broken wire, and count as missing")
     return np.where(broken, math.nan, (current - _LIVE_ZERO) / _SPAN * _FULL_SCALE), notes

@@ -104,8 +104,8 @@ class SerialReceiver:
         if not self._outcomes:
             return f"no words: {self._bytes} bytes without the end of a frame; check baud and format in the tool file"
         return (
-            f"no words: {len(self._outcomes)} frames, but no check holds; check baud, format, sequences and words in"
-            " the tool file"
+            f"no words: {len(self._outcomes)} frames, but none passes its check; compare baud, format, sequences and"
+            " words with the tool file"
         )
 
     def _read_frame(self, data: bytes, done: Reception) -> None:

@@ -98,7 +98,7 @@ class SondeFix:
         if self.freedom > 0 and scipy.stats.chi2.sf(self.chi2, self.freedom) < _UNLIKELY:
             found.append(
                 f"the readings do not fit one dipole (chi-square {self.chi2:.0f} for {self.freedom} degrees of"
-                " freedom): steel or another source is near, or a point is wrong; the sigmas do not hold"
+                " freedom): steel or another source is near, or a point is wrong; do not trust the sigmas"
             )
         if self.sigma[:3].max() > _LOOSE * self._deepness or self.sigma[3] > _LOOSE:
             found.append("the readings hardly determine the sonde: measure at more points, also beside the bore")

@@ -246,8 +246,8 @@ def without_repeats(seconds: Array, values: Array) -> tuple[Indices, list[str]]:
     """
     Return the rows that do not repeat the time and the value of an earlier row, and notes.
 
-    A file that was joined from overlapping parts, or a stream that sends each sample twice, has repeated rows. All rows
-    are returned if the times would not rise strictly without the repeats, as for samples with stamps of whole seconds.
+    A file that was joined from overlapping parts, or a stream that sends each sample twice, has repeated rows. If the
+    times still do not rise strictly without the repeats, as with stamps of whole seconds, all rows are returned.
 
     Parameters
     ----------

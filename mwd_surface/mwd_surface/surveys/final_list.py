@@ -158,7 +158,7 @@ def _leg_at(surveys: SurveyList, measured_depth: float) -> Leg:
 
 def _held(surveys: SurveyList, theirs: Sequence[SurveyRecord]) -> set[int]:
     """
-    Return the numbers of stations that must stay in use: they fix the kick-offs of the current leg and its parents.
+    Return the numbers of stations that must stay in use, because kick-offs of the current leg or its parents need them.
 
     Such a station is the deepest one of a parent, if it is not below the kick-off. Without it the kick-off would keep
     the position of a path that is no longer used. A station of `theirs` at least as deep on that parent replaces it.

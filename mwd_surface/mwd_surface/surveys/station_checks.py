@@ -81,7 +81,8 @@ def conflicts(whole: SurveyList, record: SurveyRecord) -> list[str]:
         last = max(deeper, key=lambda r: r.measured_depth)
         why.append(f"decreasing depth: survey {last.survey.sequence} is deeper, at {last.measured_depth:.2f} m")
     elif wrong and record.judgement == Judgement.ACCEPTED:
-        # Without a decision the later stations stay: the clock of a tool that has restarted may be behind.
+        # If nobody has decided, the later stations do not exclude the record: the clock of a restarted tool may be
+        # behind.
         first = min(wrong, key=lambda r: r.measured_depth)
         why.append(f"decreasing depth: survey {first.survey.sequence} is later, at {first.measured_depth:.2f} m")
     return why

@@ -80,9 +80,9 @@ class ErrorTerm:
     #: stations of other tools
     error: Array
     own: Array  #: shape (n, 3); shift of a station due to the error at this station, m, axes as `error`
-    #: shape (n, 3); error of measured depth, m, inclination and azimuth, rad, that causes both shifts; 0 for errors of
-    #: the course between stations, which are position errors. The error of the azimuth grows without limit towards the
-    #: vertical.
+    #: shape (n, 3); error of measured depth, m, inclination and azimuth, rad, that causes the shifts `error` and `own`;
+    #: 0 for errors of the course between stations, which are position errors. The error of the azimuth grows without
+    #: limit towards the vertical.
     measured: Array
 
 

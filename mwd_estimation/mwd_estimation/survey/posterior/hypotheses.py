@@ -103,7 +103,7 @@ class Filters:
     adrift: NDArray[np.bool_]  #: shape (k,); whether the gyro drifts
 
     def of_string(self, adrift: bool) -> Indices:
-        """Return the indices of the clean, axial and cross-axial filters whose gyro drifts, or does not (`adrift`)."""
+        """Return the indices of the clean, axial and cross-axial filters; `adrift`: whether their gyro drifts."""
         strings = (Hypothesis.CLEAN, Hypothesis.AXIAL, Hypothesis.CROSS_AXIAL)
         return np.flatnonzero([kind in strings for kind in self.kinds] & (self.adrift == adrift))
 

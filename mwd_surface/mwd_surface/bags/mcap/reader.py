@@ -520,6 +520,7 @@ def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, Channel]]:
                 channel = parse(Channel, body)
                 channels[channel.id] = channel
         except FormatError:
-            # The checksum of the chunk matches, so the wrong record was written; its messages then have no topic.
+            # The record was already wrong when it was written, because the checksum of the chunk matches. Its messages
+            # have no topic.
             continue
     return schemas, channels

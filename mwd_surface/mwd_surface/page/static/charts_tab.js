@@ -8,7 +8,7 @@ import { SIGNALS } from "./signals.js";
 import { fills } from "./view.js";
 import { t } from "./words.js";
 
-// Signals that were chosen before, without names that are not signals any more.
+// Signals that the user chose earlier, without signals that no longer exist.
 const known = (text) => (text || "").split(",").filter((name) => name in SIGNALS);
 
 export class ChartsTab {

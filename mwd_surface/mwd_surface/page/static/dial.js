@@ -124,7 +124,7 @@ export class Dial {
       setText(this.side, gravity ? sideOf(degrees) : "");
       const inside = toolface.advisory?.inside ?? null;
       const word = inside === null ? unusualAge(cell, now) : inside ? t("INSIDE") : t("OUTSIDE");
-      // A string that stands after it has turned may be sticking: the toolface is not yet one to steer by.
+      // A string that has just stopped may only be sticking and turn again: do not steer by the toolface yet.
       const turning = attitude?.status?.includes("toolface_unsettled") && !attitude.status.includes("rotating") ? t("MAY TURN") : t("ROTATING");
       const note = state === "stale" ? t`STALE ${ageOf(cell, now)}` : toolface.rotating ? turning : word;
       setText(this.note, note);

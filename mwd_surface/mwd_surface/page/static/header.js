@@ -88,14 +88,14 @@ const LINK_LASTS = 5; // s; the receiver reports its state once per second
 
 function telemetryPill(link, now) {
   if (now - link.since > LINK_LASTS) return ["link", "stale", t`${say(link.name)}: receiver silent ${units.age(now - link.since)}`];
-  // A link that is locked has a reason to give until its first words have come.
+  // A locked link has a reason until its first words arrive; show this reason.
   const [kind, words] = link.state === "locked" && link.reason ? ["info", say(link.reason)] : LINK[link.state] || ["idle", say(link.state)];
   return ["link", kind, t`${say(link.name)}: ${words}`];
 }
 
 function linkPills(streams, now, silent, link, over) {
   const stream = (name) => stateOfStream(streams[name], now, silent);
-  // Over a link, no data come directly from the sonde.
+  // If the data come over a link, the sonde and the estimator send nothing directly.
   const down = (link ? ["rig"] : ["sonde", "estimator", "rig"]).filter((name) => stream(name) !== "live");
   const word = (name) => t`no ${STREAM_NAMES[name].toLowerCase()}` + (stream(name) === "none" ? "" : ` ${units.age(now - streams[name].at)}`);
   if (silent) return [["system", "reject", t("link lost")]];

@@ -77,7 +77,7 @@ export function showLink(link, overLink) {
 
 const tables = (link) => [figures(link), passes(link), words(link)];
 
-// Row of a link that is not the one in use.
+// Row of a link that is received, but is not the link in use.
 function other(link) {
   return el("section", { "aria-label": link.name },
     el("p", {}, state(link), ` ${say(link.reason) || margin(link)}`), el("div", { class: "link-tables" }, tables(link)));

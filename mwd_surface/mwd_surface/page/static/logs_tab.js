@@ -82,7 +82,7 @@ function curve(plot, channel, room) {
   for (const row of known) {
     if (sigma(row)) plot.append(svg("line", { class: "log-sigma", x1: x(row[1] - row[2]), x2: x(row[1] + row[2]), y1: room.y(row[0]), y2: room.y(row[0]) }));
   }
-  // A value with no neighbour is a point: a word of the link fills a single step.
+  // A value without neighbours is drawn as a point: a word of a link gives the value of one depth step only.
   const apart = 12 * channel.step;
   const points = known.flatMap((row, k) => [...(k && row[0] - known[k - 1][0] > apart ? [null] : []), [x(row[1]), room.y(row[0])]]);
   for (const part of lines(points)) plot.append(svg("polyline", { class: "track", points: part.join(" ") }));
@@ -94,7 +94,7 @@ function curve(plot, channel, room) {
   }
 }
 
-// Sectors side by side from up over right, down and left; the darker, the more gamma; faded where a value is held.
+// Image of the sectors, side by side: up, right, down, left. Darker means more gamma; faded means that an earlier value is repeated.
 function image(plot, channel, room) {
   const count = channel.sectors[0].length;
   const values = channel.sectors.flat().filter((v) => v !== null);
@@ -114,8 +114,8 @@ function image(plot, channel, room) {
   for (let k = 0; k < count; k += 1) {
     const known = channel.rows.flatMap((_, row) => (channel.sectors[row][k] === null ? [] : [row]));
     known.forEach((row, n) => {
-      // Over a link a sector comes less often than the depth steps: it is held, faded, until the next of its direction.
-      // Where the next is too far, there is a gap, and nothing is drawn.
+      // Over a link, a sector arrives less often than once per depth step: repeat its value, faded, until the next value of this
+      // sector. If the next value is too far away, draw nothing in between.
       const next = known[n + 1];
       const end = next - row <= channel.held[k] ? next : row + 1;
       for (let at = row; at < end; at += 1) paint(at, k, channel.sectors[row][k], at > row);

@@ -87,7 +87,7 @@ export function showDeviation(deviation) {
   const rows = deviation?.rows || [];
   place.hidden = !rows.length;
   if (!rows.length) return;
-  // Of a hole with branches, each survey names its leg.
+  // In a hole with branches, show the leg of each survey.
   const several = new Set(rows.map((row) => row.leg)).size > 1;
   const name = (row) => row.station || (row.kind === "planned" ? t("ahead") : row.kind === "projected" ? t("bit") : say(row.kind));
   const head = [[t("Survey"), ""], ...(several ? [[t("Leg"), ""]] : []), [t("Depth"), "length"], [units.titled("inclination", t("Inclination")), "inclination"], [t("Azi"), "bearing"], [t("Left/right"), "length"], [t("Up/down"), "length"]];

@@ -66,7 +66,7 @@ const cell = (row, { field, text, width }) => row.assumed && PLACES.has(field)
   ? el("td", { class: `at-${width} assumed`, title: t("rests on an assumption") }, `${text(row)} ?`)
   : el("td", { class: `at-${width}` }, text(row));
 
-// Fields that are not written as a plain number of their kind.
+// Fields with a special format, not the usual number format of their kind.
 const SPECIAL = {
   north: (r) => hemisphere(r.north, "N", "S"),
   east: (r) => hemisphere(r.east, "E", "W"),

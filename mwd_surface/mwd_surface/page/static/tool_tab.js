@@ -68,7 +68,7 @@ function exposure(one) {
   const value = (v) => `${units.number(kind, v)} ${units.unit(kind)}`;
   const share = Math.round(100 * one.dose);
   const level = one.dose >= LIMIT ? "reject" : one.dose >= WARNING ? "doubtful" : "good";
-  // From the least level, or zero, to the largest level, or the limit.
+  // The axis runs from the smallest level (at most zero) to the largest level (at least the limit).
   const least = Math.min(0, ...one.bins.map(([low]) => low));
   const span = Math.max(one.limit ?? 0, ...one.bins.map(([low]) => low + one.width)) - least || one.width;
   const most = Math.max(...one.bins.map((bin) => bin[1]), 1e-9);

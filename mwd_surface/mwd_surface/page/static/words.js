@@ -1,7 +1,7 @@
 // Texts of the page in the chosen language, from the one catalogue of the surface unit (mwd_surface/language).
 //
-// The function t translates texts that stand in these files, say translates sentences of the surface unit, which arrive in English
-// like every message and log. Both give back English where the catalogue has no translation.
+// The function t translates texts of the page's own files. The function say translates sentences that the surface unit sends; they
+// arrive in English, like all messages and logs. Both return the English text if the catalogue has no translation.
 
 const remembered = { get: () => { try { return localStorage.getItem("language"); } catch { return null; } },
   set: (code) => { try { localStorage.setItem("language", code); } catch { /* a private window keeps nothing */ } } };
@@ -20,38 +20,38 @@ try {
 
 const entries = new Map(Object.entries(table.entries));
 
-// Load the font of Chinese characters if a text has some. Chromium keeps the boxes that it draws while a font is under way, so the
-// texts of the page wait for it, and a name is set again.
+// Load the font of Chinese characters if a text contains them. Chromium draws boxes while a font loads and keeps them afterwards.
+// Therefore the page sets its texts after the font has loaded, and the name of the well, which can come later, once again.
 const WAIT = 5000; // ms
 export const withFont = (text) => (!/[\u2e80-\uffef]/.test(text || "") ? Promise.resolve() : Promise.race([
   document.fonts.load('1em "Noto Sans SC Subset"', "中").catch(() => null), new Promise((done) => { setTimeout(done, WAIT); }),
 ]));
 await withFont([...entries.values()].join(""));
 
-// A number in the decimal mark of the language; `text` has a point.
+// A number with the decimal mark of the language; `text`: the number with a decimal point.
 export const decimal = (text) => (table.decimal === "." ? text : text.replace(".", table.decimal));
 
 const filled = (text, values) => text.replace(/\{(\w+)\}/g, (all, name) => (name in values ? values[name] : all));
 
-// Text of these files: a plain text, or a template with values, which the catalogue has with {0}, {1} for the values.
+// Translation of a text of the page: a plain text, or a template literal. The catalogue contains templates with {0}, {1} for the values.
 export function t(text, ...values) {
   if (typeof text === "string") return entries.get(text) || text;
   const english = text.reduce((all, part, k) => `${all}{${k - 1}}${part}`);
   return filled(entries.get(english) || english, values);
 }
 
-// Templates of the surface unit's sentences: fixed parts, names of the values between them, translation.
+// Templates of the sentences that the surface unit sends: fixed parts, names of the values between them, and translation.
 const letters = (text) => (text.match(/\p{L}/gu) || []).length;
 const templates = [...entries].filter(([english]) => /\{[a-z]\w*\}/.test(english)).map(([english, translated]) => {
   const parts = english.split(/\{\w+\}/);
   const fixed = parts.reduce((a, b) => (b.length > a.length ? b : a));
   return { parts, names: english.match(/\{\w+\}/g).map((name) => name.slice(1, -1)), translated, fixed, known: letters(parts.join("")) };
-}).sort((a, b) => b.known - a.known); // those that explain most letters first
-// Those of them that contain the mark which joins sentences.
+}).sort((a, b) => b.known - a.known); // templates with the most fixed letters first
+// Templates that contain "; ", which also joins sentences.
 const joined = templates.filter(({ parts }) => parts.some((part) => part.includes("; ")));
 
-// Values of a template in a text; null if the text is another sentence. Fixed parts are found in one pass, from the left
-// or, if `last`, from the right: a value may contain such a part.
+// Values that fill a template in a text; null if the text does not match the template. The fixed parts are searched once, from the left
+// or, if `last` is true, from the right: the results differ if a value contains a fixed part.
 function matched({ parts, names }, text, last) {
   const [head, tail] = [parts[0], parts[parts.length - 1]];
   if (text.length < head.length + tail.length || !text.startsWith(head) || !text.endsWith(tail)) return null;
@@ -82,16 +82,17 @@ const MARKS = ["; ", ": ", ", ", " or ", " and ", " · "];
 // Values that people have typed; they stay as typed.
 const TYPED = new Set(["name", "name1", "name2", "operator", "operator_name", "because", "plan", "well", "wellbore", "path", "file", "logo"]);
 const DEPTH = 6;
-const JOINED = 3; // parts of a sentence that contains the mark which joins sentences
-// Least number of letters in the fixed parts of a template that has untranslated values; more if such a value is first.
+const JOINED = 3; // largest number of pieces of one sentence between "; " marks
+// Smallest number of fixed letters with which a template may match if its values have no translation; LEAST_BEHIND applies to a
+// template that begins with a value.
 const LEAST = 4;
 const LEAST_BEHIND = 6;
-const WORK = 80000; // letters searched for one sentence
-const EACH = 100; // letters of a search in any text
-const KEPT = 2000; // sentences that are kept
+const WORK = 80000; // largest number of letters to search for one sentence
+const EACH = 100; // letters counted for each search in addition to the length of its text
+const KEPT = 2000; // number of translated sentences that are stored
 let kept = new Map();
 
-// Values of a template in a text, in one or two ways; none if the text is another sentence.
+// Values that fill a template in a text: one set, two if the search from the right differs, none if the text does not match.
 function readings(template, text) {
   const first = matched(template, text, false);
   const other = template.parts.length > 2 ? matched(template, text, true) : null;
@@ -99,8 +100,8 @@ function readings(template, text) {
   return [first, same ? null : other].filter(Boolean);
 }
 
-// Search for the translation of one text, with a limit of its work: `search` holds the texts read and the work left.
-// whole: the text is read as one sentence only, not as a list of sentences.
+// Search for the translation of one text, with limited work. search: results so far, and remaining number of letters to search.
+// whole: whether the text is one sentence, not a list of sentences.
 function read(text, depth, search, whole = false) {
   const exact = entries.get(text);
   if (exact) return { text: exact, unknown: 0, known: Infinity };
@@ -110,7 +111,7 @@ function read(text, depth, search, whole = false) {
   if (!unread.unknown || !depth) return unread;
   const key = `${depth}${whole}${text}`;
   if (!search.read.has(key)) {
-    // Few templates are searched for a sentence that contains the mark which joins sentences.
+    // For a whole sentence that contains "; ", only the few templates in `joined` are searched, so this is not counted.
     search.work -= whole ? 0 : text.length + EACH;
     if (search.work < 0) return unread;
     const best = byTemplate(whole ? joined : templates, text, depth, unread, search);
@@ -119,7 +120,7 @@ function read(text, depth, search, whole = false) {
   return search.read.get(key);
 }
 
-// Reading by the template that explains most of the text, and of such the one of most letters.
+// Translation by the template that leaves the fewest letters unknown; among equal ones, by the template with the most fixed letters.
 function byTemplate(among, text, depth, unread, search) {
   let best = unread;
   for (const template of among.filter(({ fixed }) => text.includes(fixed))) {
@@ -131,7 +132,7 @@ function byTemplate(among, text, depth, unread, search) {
         values[name] = part.text;
         unknown += part.unknown;
       }
-      // A short template, such as "{a} is {b}", fits by chance where its values are not known either.
+      // A short template, such as "{a} is {b}", matches many texts by chance: do not use it if its values are unknown too.
       if (unknown && template.known < (template.parts[0] ? LEAST : LEAST_BEHIND)) continue;
       if (unknown < best.unknown || (unknown === best.unknown && template.known > best.known)) {
         best = { text: filled(template.translated, values), unknown, known: template.known };
@@ -142,7 +143,7 @@ function byTemplate(among, text, depth, unread, search) {
   return best;
 }
 
-// Reading of a list; a text of which one part is unknown is no list, but a name or other words.
+// Translation of a list. If one member is unknown, the text is not a list (but, for example, a name): return `best`.
 function byParts(text, depth, best, search) {
   for (const mark of MARKS.filter((one) => text.includes(one))) {
     const members = listed(mark, text.split(mark), depth - 1, search);
@@ -151,7 +152,7 @@ function byParts(text, depth, best, search) {
   return best;
 }
 
-// Translated members of a list, of which sentences may contain the mark itself; null if it is not a list.
+// Translated members of a list; null if it is not a list. A member that is a sentence may itself contain the mark.
 function listed(mark, pieces, depth, search) {
   if (!pieces.length) return [];
   for (let count = 1; count <= Math.min(pieces.length, mark === "; " ? JOINED : 1); count++) {
@@ -162,7 +163,7 @@ function listed(mark, pieces, depth, search) {
   return null;
 }
 
-// Sentence of the surface unit in the language of the page; an empty text for null.
+// A sentence of the surface unit, translated to the language of the page; an empty text for null.
 export function say(text) {
   if (!text) return "";
   const english = String(text);
@@ -190,7 +191,7 @@ export function chooseLanguage(select) {
   });
 }
 
-// Translate the texts that stand in the HTML file.
+// Translate the texts of the HTML file.
 document.documentElement.lang = table.code.replace("_", "-");
 const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
 while (walker.nextNode()) {
