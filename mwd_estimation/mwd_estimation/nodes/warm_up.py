@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.repeated_samples import RepeatedSamples
 from mwd_estimation.gyrocompass import north_seek, seek_filter
 from mwd_estimation.gyrocompass.seek_state import SeekParams
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.posterior.field_model import nominal_sigmas
+from mwd_estimation.survey.posterior.hypotheses import Priors
+from mwd_estimation.survey.posterior.run_filter import RunFilter
 from mwd_estimation.survey.survey_settings import SHORTEST_S
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
@@ -44,6 +48,9 @@ def warm_up(settings: EstimatorSettings) -> None:
     forces, rates = imu["linear_acceleration"], imu["angular_velocity"]
     north_seek.run(SeekParams(), north_seek.initial(), imu["stamp_ns"], rates, forces)
     seek_filter.frame(forces[-1])  # compile a function that only the solution of a rotating tool calls
+    # Compile a function that only the revision of a survey with both earlier and later surveys calls.
+    filters = RunFilter(Priors(), nominal_sigmas(SensorErrors(), None, magnetic=False))
+    filters.between(filters)
 
 
 def _samples() -> tuple[Samples, Samples, Samples]:

@@ -12,11 +12,10 @@ import dataclasses
 import datetime
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mwd_estimation.assembly.assembly import SIGMA_CORRECTED_DEG, Assembly, read_assembly
 from mwd_estimation.assembly.sag import SagCorrection, correction_of
-from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_filter, time_alignment, toolface_dwell
 from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.input_gate import Ranges
@@ -24,8 +23,6 @@ from mwd_estimation.core.reference_field import LOCAL_GRAVITY, Reference
 from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.methods import method
 from mwd_estimation.gyrocompass.seek_state import TACTICAL, TACTICAL_NOISE_DEG_RTH, SeekParams
-from mwd_estimation.gyrocompass.session import SessionParams
-from mwd_estimation.health import monitor
 from mwd_estimation.magnetic import interference_filter
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import day_of, reference_of
@@ -38,6 +35,13 @@ from mwd_sensors.core import earth
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.foreign_text import contents_hidden
 from mwd_sensors.core.settings import SettingsError
+
+# Filters that a survey does not need are imported by the functions that derive their parameters: their kernels take a
+# tenth of the start time of `mwd survey`.
+if TYPE_CHECKING:
+    from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_filter, time_alignment, toolface_dwell
+    from mwd_estimation.gyrocompass.session import SessionParams
+    from mwd_estimation.health import monitor
 
 # Smallest ratio of a gyro's noise or bias to the value of the default tool: no filter must treat a gyro as perfect.
 _LEAST_GYRO = 0.02
@@ -167,6 +171,8 @@ def input_ranges(settings: EstimatorSettings) -> Ranges:
 
 def health_params(settings: EstimatorSettings) -> monitor.MonitorParams:
     """Return the parameters of the health checks of the conventional unit and the magnetometer."""
+    from mwd_estimation.health import monitor
+
     tool, usual = settings.tool, monitor.MonitorParams()
     return monitor.MonitorParams(
         gyro_range=math.radians(min(tool.gyro.range_deg_s)),
@@ -186,6 +192,8 @@ def precision_gyro_bias(settings: EstimatorSettings) -> float:
 
 def time_alignment_params(settings: EstimatorSettings) -> time_alignment.TimeAlignmentParams:
     """Return the parameters for pairing magnetic samples with gravity."""
+    from mwd_estimation.attitude import time_alignment
+
     attitude, tool = settings.attitude, settings.tool
     return time_alignment.TimeAlignmentParams(
         mag_lag_ns=round(tool.magnetometer.delay_s * 1e9),
@@ -205,6 +213,8 @@ def interference_params(settings: EstimatorSettings) -> interference_filter.Inte
 
 def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_filter.GyroAzimuthParams:
     """Return the parameters of the gyro-propagated azimuth; those without a setting keep the filter's default."""
+    from mwd_estimation.attitude import gyro_azimuth_filter
+
     tool, usual = settings.tool, gyro_azimuth_filter.GyroAzimuthParams()
     precision = tool.precision.gyro
     walk = _WALK_DEG_H_RTH * tool.gyro.bias_deg_h / Gyro().bias_deg_h
@@ -246,6 +256,8 @@ def gyrocompass_params(settings: EstimatorSettings) -> SeekParams:
 
 def north_params(settings: EstimatorSettings) -> SessionParams:
     """Return the parameters of a north seek on request."""
+    from mwd_estimation.gyrocompass.session import SessionParams
+
     gyro = settings.tool.gyro
     return SessionParams(
         x_noise_deg_rth=gyro.noise_deg_sqrt_h,
@@ -438,9 +450,13 @@ def station_priors(settings: EstimatorSettings) -> Priors:
 
 def dwell_params(settings: EstimatorSettings) -> toolface_dwell.DwellParams:
     """Return the parameters of the decision when a toolface can be used for steering."""
+    from mwd_estimation.attitude import toolface_dwell
+
     return toolface_dwell.DwellParams(settings.attitude.toolface_dwell_s, settings.attitude.toolface_dwell_cycles)
 
 
 def dynamics_params(settings: EstimatorSettings, gravity: float | None) -> drilling_dynamics.DynamicsParams:
     """Return the parameters of the summary of drilling dynamics; gravity: local gravity, m/s^2, None if unknown."""
+    from mwd_estimation.attitude import drilling_dynamics
+
     return drilling_dynamics.DynamicsParams(settings.dynamics.shock_threshold, gravity or STANDARD_GRAVITY)

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +18,7 @@ from mwd_estimation.core.reference_field import Reference, best_north, north_cor
 from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.magnetic.axial_correction import AxialCorrection
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.posterior.field_model import Row, geometry
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.totals import deviations
@@ -41,6 +44,8 @@ _NO_GRAVITY = 1e-3
 _ANY_FIELD = (1e-5, 2e-5, 3e-5)
 # Axial interference that the single-station correction assumes, 1 sigma, T.
 _PLAUSIBLE = 3e-6
+# Largest number of stations that are corrected in one call; more would need more memory and take as long.
+_BLOCK = 50
 # Limits for a corrected azimuth: largest 1 sigma, rad; smallest inclination, rad; and largest chi-square of the
 # cross-axial field (one degree of freedom, exceeded by chance once in 1000).
 _LEAST_CERTAIN = math.radians(3.0)
@@ -84,6 +89,23 @@ class Measured:
     readings: StationReadings | None  #: readings; None without a usable accelerometer
     reasons: tuple[Reason, ...] = ()  #: reason if the reference does not allow the wanted north
 
+    @property
+    def declination(self) -> float:
+        """Angle from the north of the azimuths in `row` to magnetic north, rad; 0 if that is magnetic north."""
+        reference = self.station.reference
+        if self.station.north == "magnetic" or reference is None or reference.declination is None:
+            return 0.0
+        return reference.declination
+
+    @functools.cached_property
+    def row(self) -> Row | None:
+        """Record of the station for the posterior, without a gyro; None without a usable accelerometer."""
+        readings = self.readings
+        if readings is None:
+            return None
+        b_h = readings.b_h if readings.has_field else np.full(3, math.nan)
+        return geometry(readings.f_h, b_h, readings.noise, self.station.reference, self.declination)[0]
+
 
 def measured(
     f_t: ArrayLike,
@@ -103,20 +125,52 @@ def measured(
     f_raw, b_raw = _vector("f_t", f_t), _vector("b_t", b_t)
     noise = np.zeros((6, 6))
     noise[:3, :3], noise[3:, 3:] = _matrix("covariance_f", covariance_f), _matrix("covariance_b", covariance_b)
-    if not (np.isfinite(f_raw).all() and float(np.linalg.norm(f_raw)) > _NO_GRAVITY):
-        b_total = float(np.linalg.norm(b_raw))
-        return Measured(
-            Station(f_raw, b_raw, reference, b_total=b_total, reasons=(Reason(Code.NO_ACCELEROMETER),)), None
-        )
     readings = _readings(f_raw, b_raw, noise, settings)
+    (estimate,) = _axial_corrections([readings], [reference])
+    return _measured(f_raw, b_raw, readings, reference, settings, estimate)
+
+
+def measured_rows(
+    f_t: Array, b_t: Array, references: Sequence[Reference | None], settings: StationSettings
+) -> list[Measured]:
+    """
+    Compute n stations without noise of the means, as `measured`; much faster than one by one.
+
+    f_t, b_t: shape (n, 3), as in `measured`; references: of each station.
+    """
+    noise = np.zeros((6, 6))
+    readings = [_readings(f_raw, b_raw, noise, settings) for f_raw, b_raw in zip(f_t, b_t, strict=True)]
+    estimates = _axial_corrections(readings, references)
+    return [
+        _measured(f_raw, b_raw, one, reference, settings, estimate)
+        for f_raw, b_raw, one, reference, estimate in zip(f_t, b_t, readings, references, estimates, strict=True)
+    ]
+
+
+def _measured(
+    f_t: Array,
+    b_t: Array,
+    readings: StationReadings | None,
+    reference: Reference | None,
+    settings: StationSettings,
+    estimate: AxialCorrection | None,
+) -> Measured:
+    """Return a station from its readings and its single-station correction."""
+    if readings is None:
+        b_total = float(np.linalg.norm(b_t))
+        return Measured(Station(f_t, b_t, reference, b_total=b_total, reasons=(Reason(Code.NO_ACCELEROMETER),)), None)
     north, missing = _north(reference, settings.north, readings.has_field)
     if readings.has_field and reference is not None and north.name != "magnetic":
         north = NorthTurn(north.name, north.turn, reference.declination_variance(_horizontal(readings, reference)))
-    return Measured(_unjudged(readings, reference, settings, north), readings, missing)
+    return Measured(_unjudged(readings, reference, settings, north, estimate), readings, missing)
 
 
 def _unjudged(
-    readings: StationReadings, reference: Reference | None, settings: StationSettings, north: NorthTurn
+    readings: StationReadings,
+    reference: Reference | None,
+    settings: StationSettings,
+    north: NorthTurn,
+    estimate: AxialCorrection | None,
 ) -> Station:
     """Return the station with its angles, totals and uncorrected azimuth, without a verdict."""
     inc, toolface = readings.inclination, readings.toolface
@@ -135,7 +189,7 @@ def _unjudged(
         own = min(math.sqrt(covariance[1, 1] - alignment[1, 1]), _UNKNOWN_SIGMA)
         methods = (
             MethodAzimuth(AzimuthMethod.RAW, azimuth, own),
-            *_corrected(readings, reference, north),
+            *_corrected(readings, estimate, north),
         )
     else:
         covariance[1, :] = covariance[:, 1] = 0.0
@@ -168,24 +222,41 @@ def _unjudged(
     )
 
 
-def _corrected(readings: StationReadings, reference: Reference | None, north: NorthTurn) -> tuple[MethodAzimuth, ...]:
+def _axial_corrections(
+    readings: Sequence[StationReadings | None], references: Sequence[Reference | None]
+) -> list[AxialCorrection | None]:
+    """Return the single-station correction of each station; None without a field or a reference field."""
+    found: list[AxialCorrection | None] = [None] * len(readings)
+    usable = [
+        (k, one, reference)
+        for k, (one, reference) in enumerate(zip(readings, references, strict=True))
+        if one is not None and one.has_field and reference is not None and reference.has_field
+    ]
+    for begin in range(0, len(usable), _BLOCK):
+        places, ones, fields = zip(*usable[begin : begin + _BLOCK], strict=True)
+        estimate = axial_correction.axial_correction(
+            [one.f_h for one in ones],
+            [one.b_h for one in ones],
+            [reference.horizontal for reference in fields],
+            [reference.vertical for reference in fields],
+            [one.covariance for one in ones],
+            [reference.covariance for reference in fields],
+            plausible=_PLAUSIBLE,
+        )
+        for k, *values in zip(places, *vars(estimate).values(), strict=True):
+            found[k] = AxialCorrection(*values)
+    return found
+
+
+def _corrected(
+    readings: StationReadings, estimate: AxialCorrection | None, north: NorthTurn
+) -> tuple[MethodAzimuth, ...]:
     """
     Return the azimuth of the single-station correction, with a reason if refused.
 
     The result is empty without a reference field, or in an exactly vertical hole.
     """
-    if reference is None or not reference.has_field:
-        return ()
-    estimate = axial_correction.axial_correction(
-        readings.f_h,
-        readings.b_h,
-        reference.horizontal,
-        reference.vertical,
-        readings.covariance,
-        reference.covariance,
-        plausible=_PLAUSIBLE,
-    )
-    if not math.isfinite(float(estimate.azimuth)):
+    if estimate is None or not math.isfinite(float(estimate.azimuth)):
         return ()
     refused = correction_refusal(estimate, readings.inclination)
     azimuth = to_north(float(estimate.azimuth), north.turn)
@@ -215,7 +286,10 @@ def correction_refusal(correction: AxialCorrection, inclination: float) -> Reaso
     return None
 
 
-def _readings(f_t: Array, b_t: Array, noise: Array, settings: StationSettings) -> StationReadings:
+def _readings(f_t: Array, b_t: Array, noise: Array, settings: StationSettings) -> StationReadings | None:
+    """Return the readings of a station; None without a usable accelerometer."""
+    if not (np.isfinite(f_t).all() and float(np.linalg.norm(f_t)) > _NO_GRAVITY):
+        return None
     turn = np.zeros((6, 6))
     turn[:3, :3] = turn[3:, 3:] = _to_hole(settings)
     b_total = float(np.linalg.norm(b_t))

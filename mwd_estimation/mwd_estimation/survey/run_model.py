@@ -20,7 +20,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.finding import Finding, GyroParts, gyro_share
-from mwd_estimation.survey.measurement import Measured, StationReadings
+from mwd_estimation.survey.measurement import Measured
 from mwd_estimation.survey.posterior import circle, field_model, hypotheses
 from mwd_estimation.survey.posterior.field_model import Row, Shared
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
@@ -223,7 +223,7 @@ class RunModel:
             outside = model.probabilities(evidence.by_kind)[Hypothesis.EXTERNAL]
             right = float(evidence.by_angle[:, 0].sum())
             self._agreed |= right > 1.0 - _AGREES and outside < _AGREES
-        turn = measured.station.north_correction - self._north(measured)
+        turn = measured.station.north_correction - measured.declination
         return _Read(model, one, evidence, doubts, turn, repeats, agreed)
 
     @staticmethod
@@ -278,41 +278,13 @@ class RunModel:
         """Return mean and covariance of the shared errors, as `RunFilter.shared`; None before the first station."""
         return None if self._filter is None else self._filter.shared()
 
-    def _north(self, measured: Measured) -> float:
-        """Return the angle from the north of the model to magnetic north, rad; 0 if the model uses magnetic north."""
-        reference = measured.station.reference
-        if measured.station.north == "magnetic" or reference is None or reference.declination is None:
-            return 0.0
-        return reference.declination
-
-    def _record_of(self, taken: Taken) -> Row | None:
+    @staticmethod
+    def _record_of(taken: Taken) -> Row | None:
         """Return the record of a station; None if no sensor measures the azimuth."""
-        readings = taken.measured.readings
-        one = None if readings is None else self._record(readings, taken.measured, taken.gyro)
+        one = taken.measured.row
+        if one is not None and taken.gyro is not None and taken.gyro.answers:
+            one = _with_solution(one, taken.measured.station, taken.gyro)
         return one if one is not None and (one["has_field"] or math.isfinite(one["gyro"])) else None
-
-    def _record(self, readings: StationReadings, measured: Measured, gyro: Solution | None) -> Row:
-        station, reference = measured.station, measured.station.reference
-        b_h = readings.b_h if readings.has_field else np.full(3, math.nan)
-        declination = self._north(measured)
-        row = field_model.geometry(readings.f_h, b_h, readings.noise, reference, declination)
-        one = row[0]
-        if gyro is None or not gyro.answers:
-            return one
-        found = [angle for angle, _ in gyro.choices] or [gyro.azimuth]
-        sigma = max([sigma for _, sigma in gyro.choices] or [gyro.sigma])
-        turn, north = 0.0, 0.0
-        if station.north == "magnetic":
-            if reference is None or reference.declination is None:
-                return one
-            turn = reference.declination
-            north = reference.declination_variance(reference.horizontal) if reference.has_field else 0.0
-        noise = min(gyro.limit, sigma) if math.isfinite(gyro.limit) else sigma
-        lasting = sigma**2 - noise**2
-        one["gyro"], one["gyro_other"] = found[0] - turn, found[-1] - turn
-        one["gyro_lasting"] = max(math.sqrt(_SAME * lasting + north), _LEAST_LASTING)
-        one["gyro_variance"] = noise**2 + (1.0 - _SAME) * lasting
-        return one
 
     def _model(self, measured: Measured) -> RunFilter:
         """Return the filters of the run; at another place or with another north, start anew with new filters."""
@@ -414,6 +386,26 @@ def _directions(one: Row) -> Array:
     """Return the unit vectors of force and field in tool axes, shape (2, 3); zeros without a field."""
     both = np.stack([one["force"], one["field"]])
     return np.asarray(both / np.maximum(np.linalg.norm(both, axis=1, keepdims=True), 1e-9))
+
+
+def _with_solution(one: Row, station: Station, gyro: Solution) -> Row:
+    """Return the record of a station with a gyro azimuth, unless the azimuth has no north in common with the record."""
+    reference = station.reference
+    found = [angle for angle, _ in gyro.choices] or [gyro.azimuth]
+    sigma = max([sigma for _, sigma in gyro.choices] or [gyro.sigma])
+    turn, north = 0.0, 0.0
+    if station.north == "magnetic":
+        if reference is None or reference.declination is None:
+            return one
+        turn = reference.declination
+        north = reference.declination_variance(reference.horizontal) if reference.has_field else 0.0
+    noise = min(gyro.limit, sigma) if math.isfinite(gyro.limit) else sigma
+    lasting = sigma**2 - noise**2
+    one = one.copy()
+    one["gyro"], one["gyro_other"] = found[0] - turn, found[-1] - turn
+    one["gyro_lasting"] = max(math.sqrt(_SAME * lasting + north), _LEAST_LASTING)
+    one["gyro_variance"] = noise**2 + (1.0 - _SAME) * lasting
+    return one
 
 
 def _with_gyro(one: Row, other: Row | None) -> Row:

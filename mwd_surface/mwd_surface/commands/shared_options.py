@@ -279,9 +279,13 @@ def estimator_settings(
         A name is unknown (similar names are listed), or a value is not allowed.
     """
     from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_surface.processing.run_config import estimator_config
 
-    begin = estimator_config(config) if config else start or EstimatorSettings()
+    begin = start or EstimatorSettings()
+    if config:
+        # Import this module only if there is a file, because it imports the readers of recordings.
+        from mwd_surface.processing.run_config import estimator_config
+
+        begin = estimator_config(config)
     return settings.changed(begin, {**named, **assignments(changes)})
 
 

@@ -13,16 +13,18 @@ from __future__ import annotations
 import ast
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import reference_of
 from mwd_sensors.core import settings
-from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.well import Well
+
+if TYPE_CHECKING:
+    from mwd_surface.bags.bag_reader import Bag
 
 S = TypeVar("S")
 

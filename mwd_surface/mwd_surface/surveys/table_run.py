@@ -20,7 +20,7 @@ from mwd_estimation.core.verdicts import ACCEPT
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.decided_survey import record_of
 from mwd_estimation.survey.finding import Finding
-from mwd_estimation.survey.measurement import Measured, measured
+from mwd_estimation.survey.measurement import Measured, measured_rows
 from mwd_estimation.survey.revision import findings, is_outlier
 from mwd_estimation.survey.run_model import Taken, declination_sigma
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
@@ -107,7 +107,8 @@ def run_stations(
 
 
 def _run(rows: list[TableRow], settings: StationSettings, progress: Callable[[float], None]) -> list[TableStation]:
-    own = [measured(row.f_t, row.b_t, row.reference, settings) for row in rows]
+    f_t, b_t = (np.array(axes) for axes in zip(*((row.f_t, row.b_t) for row in rows), strict=True))
+    own = measured_rows(f_t, b_t, [row.reference for row in rows], settings)
     sound = [k for k, row in enumerate(rows) if not row.faults]
     hours = _hours([rows[k].time for k in sound])
     taken = {k: Taken(own[k], hour) for k, hour in zip(sound, hours, strict=True)}

@@ -38,7 +38,8 @@ OUT = 1e8
 # (circle.STEPS, _FEW): weights of the smoothing from every step of the circle to these angles.
 _FEW = 72
 _ONE = np.exp(-0.5 * (wrap_pi(np.arange(circle.STEPS) * math.tau / circle.STEPS) / TURNED) ** 2)
-_SMEAR = np.stack([np.roll(_ONE, k * circle.STEPS // _FEW) for k in range(_FEW)], -1) / (TURNED * math.sqrt(math.tau))
+_SMEAR = _ONE[np.arange(circle.STEPS)[:, None] - np.arange(0, circle.STEPS, circle.STEPS // _FEW)]
+_SMEAR /= TURNED * math.sqrt(math.tau)
 
 
 @dataclasses.dataclass(frozen=True)

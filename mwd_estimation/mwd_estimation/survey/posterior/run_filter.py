@@ -35,6 +35,7 @@ from mwd_estimation.survey.posterior.evidence import (
 from mwd_estimation.survey.posterior.field_model import SIZE, Row, Shared, Sigmas
 from mwd_estimation.survey.posterior.hypotheses import EXTERNAL_UT, Hypothesis, Priors
 from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.core.compiled import compiled
 
 # A filter always keeps at least this share of its prior probability, so that later stations can make it probable again.
 _FLOOR = 1e-3
@@ -255,26 +256,24 @@ class RunFilter:
         used = int((size < _UNKNOWN).sum(axis=-1).max())
         size, axes = np.clip(size[..., :used], _KNOWN, _UNKNOWN), np.swapaxes(axes[..., :used], -1, -2)
         value = (axes @ (second.mean.reshape(-1, count, SIZE) / scale)[..., None])[..., 0] / (1.0 - size)
-        noise, H = size / (1.0 - size), axes * (unit / scale)[:, None, :]
+        noise, H = size / (1.0 - size), np.ascontiguousarray(axes * (unit / scale)[:, None, :])
         # Update of each filter before with each filter after of the same kind.
-        mean, covariance = first.mean.reshape(-1, 1, count, SIZE), first.covariance.reshape(-1, 1, count, SIZE, SIZE)
-        gain = covariance @ np.swapaxes(H, -1, -2)
-        S, e = H @ gain, value - (H @ mean[..., None])[..., 0]
-        S[..., range(used), range(used)] += noise
-        x = np.linalg.solve(S, e[..., None])
-        by_chance = value**2 / (1.0 + noise) + np.log1p(noise)
-        log_weight = 0.5 * (by_chance.sum(axis=-1) - (e * x[..., 0]).sum(axis=-1) - np.linalg.slogdet(S)[1])
+        cases = len(noise)
+        mean = np.repeat(first.mean.reshape(-1, 1, count, SIZE), cases, axis=1)
+        covariance = np.repeat(first.covariance.reshape(-1, 1, count, SIZE, SIZE), cases, axis=1)
+        log_weight = np.zeros(mean.shape[:3])
+        _observe_all(H, value, noise, mean, covariance, log_weight)
+        log_weight += 0.5 * (value**2 / (1.0 + noise) + np.log1p(noise)).sum(axis=-1)
         log_weight += first.log_weight.reshape(-1, 1, count) + second.log_weight.reshape(-1, count)
         log_weight -= np.log(np.maximum(prior, 1e-300))
         weight = np.exp(log_weight - log_weight.max()).reshape(-1, count)
         weight /= weight.sum()
         least, whole = _FLOOR * prior, weight.sum(axis=0)
         weight *= np.maximum(1.0, least / np.maximum(whole, 1e-300))
-        covariance = covariance - gain @ np.linalg.solve(S, np.swapaxes(gain, -1, -2))
         return dataclasses.replace(
             self.state,
-            mean=(mean + (gain @ x)[..., 0]).reshape(-1, SIZE),
-            covariance=(0.5 * (covariance + np.swapaxes(covariance, -1, -2))).reshape(-1, SIZE, SIZE),
+            mean=mean.reshape(-1, SIZE),
+            covariance=covariance.reshape(-1, SIZE, SIZE),
             log_weight=np.log(np.where(weight > _HOPELESS * least, weight, 1e-300)).ravel(),
             changed=0.0,
             outside=_between(self.state.outside, later.state.outside),
@@ -571,6 +570,40 @@ class RunFilter:
         r, S = terms
         field = log[:, :, 0, -1] - states[:, -1:] - prior[:, 0] + prior[:, -1]
         log[:, :, -1] = turned_field(angles, field, gyro, states, (r[:, 0, 3], S[:, 0, 0, 3, 3], gyro_step(one) ** 2))
+
+
+@compiled
+def _observe_all(H: Array, value: Array, noise: Array, mean: Array, covariance: Array, log_likelihood: Array) -> None:
+    """
+    Update Gaussians with independent observations, one after the other (Kalman update).
+
+    H (b, k, n, 23), value and noise (b, k, n): slopes, values and variances of n observations of each filter, in b
+    cases. mean (a, b, k, 23) and covariance (a, b, k, 23, 23): changed in place. log_likelihood (a, b, k): the log
+    likelihoods of the observations are added, without their constant.
+    """
+    size = mean.shape[3]
+    gain = np.zeros(size)
+    for a in range(mean.shape[0]):
+        for b in range(mean.shape[1]):
+            for k in range(mean.shape[2]):
+                x, P = mean[a, b, k], covariance[a, b, k]
+                for n in range(value.shape[2]):
+                    h, variance, off = H[b, k, n], noise[b, k, n], value[b, k, n]
+                    gain[:] = 0.0
+                    for i in range(size):
+                        for j in range(size):
+                            gain[j] += h[i] * P[i, j]
+                    for i in range(size):
+                        variance += h[i] * gain[i]
+                        off -= h[i] * x[i]
+                    one = 1.0 / math.sqrt(variance)
+                    for i in range(size):
+                        gain[i] *= one
+                        x[i] += gain[i] * off * one
+                    for i in range(size):
+                        for j in range(size):
+                            P[i, j] -= gain[i] * gain[j]
+                    log_likelihood[a, b, k] -= 0.5 * (off * off / variance + math.log(variance))
 
 
 def _merged(weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array]:
