@@ -242,9 +242,12 @@ class Clocks:
         other.jump = _in_a_row(other.jump, sample)
         if len(other.jump) < CONFIRMED:
             return sample[:0]
-        begins_ns, went_back = int(other.jump[0]["stamp_ns"][0]), other.first_ns < pace.last_ns
-        returns = begins_ns > pace.last_ns - BACK_NS and (went_back or begins_ns <= self._lead.last_ns + BACK_NS)
-        if not returns and begins_ns > int(other.waiting[-1]["stamp_ns"][0]):
+        begins_ns, newest_ns = int(other.jump[0]["stamp_ns"][0]), int(other.waiting[-1]["stamp_ns"][0])
+        # The earlier time would have advanced as much as the new time has since the jump. A step forward of another
+        # size is a data gap: after a jump back, it may well pass the latest stamp of the earlier time.
+        expected_ns = pace.last_ns + (newest_ns - other.first_ns)
+        returns = abs(begins_ns - expected_ns) <= max(BACK_NS, _PACES * other.step_ns)
+        if not returns and begins_ns > newest_ns:
             # The new time has a data gap.
             other.waiting += other.jump
             other.jump = []
@@ -266,7 +269,9 @@ class Clocks:
             if not other.is_at(self._lead.last_ns):
                 continue
             newest = int(other.waiting[-1]["stamp_ns"][0])
-            if before_ns - BACK_NS < newest and other.first_ns <= self._lead.last_ns + BACK_NS:
+            # A leader that is behind passes the new time of a stream that went back twice: first in the old time.
+            passed = other.first_ns > other.pace.last_ns or self._lead.last_ns > other.pace.last_ns + BACK_NS
+            if passed and before_ns - BACK_NS < newest and other.first_ns <= self._lead.last_ns + BACK_NS:
                 found[name] = other.released()
         return found
 

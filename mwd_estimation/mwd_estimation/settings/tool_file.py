@@ -41,7 +41,10 @@ def from_file(path: Path, unit: type[Tool] | type[PrecisionUnit] = Tool) -> dict
     table = read_yaml(path)
     if not isinstance(table, Mapping):
         raise SettingsError(f"{path}: expected a table of settings, got {table!r}")
-    read = used(table, unit)
+    try:
+        read = used(table, unit)
+    except SettingsError as error:
+        raise SettingsError(f"{path}: {error}") from error
     if unit is Tool and isinstance(read.get("accelerometer"), dict):
         # A file that describes the accelerometers must not give the samples the sigma of a tool without description.
         read["accelerometer"].setdefault("misalignment_mrad", TUMBLE_MRAD)

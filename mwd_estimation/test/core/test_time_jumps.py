@@ -205,3 +205,25 @@ def test_a_stream_slower_than_once_a_second_is_used_without_end():
     # The samples that confirm the first step of the stream are released together.
     assert given == [*range(100, 1000, 60)]
     assert clocks.dropped == 0
+
+
+@pytest.mark.parametrize("gap", [5.0, 9.0, 40.0])
+@pytest.mark.parametrize("back", [2.0, 20.0])
+@pytest.mark.parametrize("length", [7, 50, 1000])
+def test_a_data_gap_after_a_jump_back_is_not_a_return_however_far_the_leader_is_behind(length, back, gap):
+    clocks = Clocks()
+    old, new = np.arange(100.0, 130.0, 0.1), np.arange(130.0 - back, 200.0, 0.1)
+    beside = np.concatenate([old, new[new < 140.0], new[new >= 140.0 + gap]])
+    lead = np.concatenate([old, new])
+    found = []
+    for start in range(0, len(lead) + length, length):
+        found += seconds(clocks.beside("mag", samples(*beside[start : start + length])))
+        before = clocks.lead_ns
+        for _, begun in clocks.lead(samples(*lead[max(start - length, 0) : start])):
+            if begun is not None:
+                # The estimate begins anew, without the samples that it was given before.
+                found = [s for part in clocks.release().values() for s in seconds(part)]
+        found += [s for part in clocks.reached(before).values() for s in seconds(part)]
+    # A sample within a second of the leader needs no confirmation, so a few may go to the estimate that ends.
+    assert found == pytest.approx(beside[len(beside) - len(found) :])
+    assert len(beside) - len(old) - len(found) <= 20

@@ -356,9 +356,12 @@ def read(path: Path) -> ToolConfiguration:
         The file cannot be read.
     """
     try:
-        given = load_yaml(read_text(path, budgets.YAML)) or {}
+        given = load_yaml(read_text(path, budgets.YAML))
     except yaml.YAMLError as error:
         raise ValueError(f"{path}: not YAML: {error}") from error
+    if given is None:
+        # Without this check, a file that was copied incompletely would be the default tool.
+        raise ValueError(f"{path} has no settings; `mwd tool new` writes an example of a tool configuration")
     try:
         return from_mapping(given)
     except ValueError as error:

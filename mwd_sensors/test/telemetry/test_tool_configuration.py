@@ -130,3 +130,11 @@ def test_a_kit_that_names_another_quantity_like_a_usual_channel_keeps_its_word()
     tool = from_mapping({"words": {"Gama": {"bits": 8, "high": 9.0, "unit": "V"}}})
     assert tool.logged["gamma"].word == ""
     assert tool.logged["inclination"].word == "RINC"
+
+
+@pytest.mark.parametrize("content", ["", "# nothing but a comment\n", "[]\n"])
+def test_a_file_without_settings_is_not_the_default_tool(tmp_path, content):
+    path = tmp_path / "tool.yaml"
+    path.write_text(content)
+    with pytest.raises(ValueError, match=r"tool\.yaml"):
+        read(path)

@@ -569,8 +569,8 @@ class _ListReader:
         return (azimuth + to_true[north] - to_true[own]) % math.tau, own
 
     def _figure(self, what: str, values: Array) -> Array:
-        """Return a reference value per station; if the table has none, the value in the provenance of the export."""
-        known = {} if self.provenance is None else self.provenance.reference
+        """Return a reference value per station; if the table has none, the value in the provenance or the head."""
+        known = self.head.to_north if self.provenance is None else self.provenance.reference
         return values if np.isfinite(values).any() or what not in known else np.full_like(values, known[what])
 
     def _north(self, rows: Sequence[_ListedStation]) -> str:

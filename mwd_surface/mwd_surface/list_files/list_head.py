@@ -10,8 +10,9 @@ treated as absent.
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from mwd_surface.list_files.list_columns import ANGLE_UNITS, LENGTH_UNITS, mentions_north, north_of, points, unit_word
 from mwd_surface.list_files.number_cells import decimal_mark, split, value
@@ -81,6 +82,13 @@ _HEAD_Y = re.compile(_HEAD_X.pattern.replace(r"(?:x|east(?:ing)?s?)", r"(?:y|nor
 _IN_BRACKETS = re.compile(
     r"\b(?P<what>KB|RKB|DATUM|ELEVATION|COORDINATE|DEPTH|MD)\b.*?\d[^()]*\((?P<said>[A-Za-z ]+)\)", re.IGNORECASE
 )
+# Such lines are "Magnetic declination: 1.35 E" or "CONVERGENCE (deg) 0.7 West"; without a side, east is positive.
+_ANGLE_TO_NORTH = re.compile(
+    r"(?<![a-z])(?P<what>declination|convergence)(?:\s*angle)?\s*(?:[(\[]\s*(?:deg\w*|°)\s*[)\]]|,?\s*deg\w*|°)?\s*[:=]?"
+    r"\s*(?P<number>[+-]?\d{1,3}(?:[.,]\d+)?)(?![\d.,/:-])\s*(?:°|deg(?:rees?|s)?\b)?\s*(?P<side>E(?:ast)?|W(?:est)?)?\b"
+    r"(?!\s*(?:rad|gon|grad))",
+    re.IGNORECASE,
+)
 # Petrel writes "DX DY ARE GIVEN IN GRID NORTH IN m-UNITS".
 _OFFSETS = re.compile(r"\bDX\b.*\bDY\b", re.IGNORECASE)
 
@@ -101,6 +109,8 @@ class Head:
     horizontal: bool = False  #: whether angles are measured from the horizontal
     dip: str = ""  #: direction of positive angles from the horizontal, "up", "down" or ""
     wellhead: tuple[float, float] | None = None  #: northing and easting, m, or None
+    #: declination and convergence by these names, rad, east positive, if a line states them
+    to_north: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
 
 def read_head(lines: Iterable[str]) -> Head:
@@ -124,6 +134,7 @@ def read_head(lines: Iterable[str]) -> Head:
                 # not stated.
                 strange.append(line.strip())
         head = _units(_north(head, line), line)
+        head = dataclasses.replace(head, to_north={**head.to_north, **_to_north(line)})
         if _tells_of_hole_angles(line):
             if _HORIZONTAL.search(line):
                 head = dataclasses.replace(head, horizontal=True)
@@ -165,6 +176,17 @@ def _north(head: Head, line: str) -> Head:
         return dataclasses.replace(head, north=north, strange_north="")
     # Without a text after "Azimuth reference", the line has no value or is the name of a column.
     return dataclasses.replace(head, strange_north=said) if said and not head.north else head
+
+
+def _to_north(line: str) -> dict[str, float]:
+    """Return declination and convergence that a line states, rad, east positive."""
+    stated = {}
+    for found in _ANGLE_TO_NORTH.finditer(line):
+        angle = float(found["number"].replace(",", "."))
+        west = (found["side"] or "").upper().startswith("W")
+        if abs(angle) <= 180.0 and not (west and angle < 0.0):
+            stated[found["what"].lower()] = math.radians(-angle if west else angle)
+    return stated
 
 
 def _units(head: Head, line: str) -> Head:

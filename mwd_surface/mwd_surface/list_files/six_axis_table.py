@@ -150,7 +150,7 @@ class SixAxisColumns:
     time: str | None
     run: tuple[str, ...]  #: columns that name the assembly or run, and the tool; constant within a run
     factors: Mapping[str, float]  #: column -> factor to SI units
-    assumed: tuple[str, ...]  #: sentences on the units that the column names do not state
+    assumed: tuple[str, ...]  #: sentences on the units that the column names do not state, and on a missing depth
     printed: Mapping[str, str]  #: key of `_PRINTED` (inclination, azimuth, azimuth_true ...) -> column
 
 
@@ -190,6 +190,13 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
     depth = _depth(table, [name for name in names if name not in factors], factors, assumed)
     time = _named(names, _TIME) or _named(names, _DATE)
     run = tuple(name for words in (_RUN, _TOOL) for name in names if _plain(name) in words and name not in factors)
+    if depth is None:
+        used = {*factors, *time_columns(names), *run}
+        unused = ", ".join(name for name in names if name not in used) or "none"
+        assumed.append(
+            "the surveys have no depth, because no column of the measured depth was found: name it md_m or md_ft; "
+            f"columns that are not used: {unused}"
+        )
     return SixAxisColumns(
         gravity=gravity,
         field=field,

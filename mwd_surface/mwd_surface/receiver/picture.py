@@ -124,7 +124,11 @@ def _spectrum(ax: Axes, time_s: Array, pressure_pa: Array, tu_s: float, quantity
     power = power * 2.0 * step / np.sum(window**2)
     frequency = np.fft.rfftfreq(length, step)
     shown = (frequency > 0.0) & (frequency <= 1.6 / tu_s)
-    ax.semilogy(frequency[shown], power[shown] / quantity.size**2, color=BLACK, linewidth=0.8)
+    density = power[shown] / quantity.size**2
+    ax.plot(frequency[shown], density, color=BLACK, linewidth=0.8)
+    # A constant signal, as of a gauge that is stuck, has no power, and a logarithmic axis cannot show zero.
+    if np.any(density > 0.0):
+        ax.set_yscale("log")
     ax.set_xlabel("frequency, Hz")
     ax.set_ylabel(f"{quantity.unit}²/Hz")
     ax.set_title(f"Spectrum of the {quantity.name.lower()}: lines are pumps", loc="left", fontsize=9)

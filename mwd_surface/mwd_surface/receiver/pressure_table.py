@@ -302,6 +302,8 @@ class _TableFile:
             else:
                 self._table = las_table(text, str(path)) if self._las else _text_table(text, str(path))
         self.headless = any(looks_like_number(name) for name in self._table.names)
+        if not self._table.rows and not self.headless:
+            raise ValueError(f"{path} has column names but no row below them")
 
     def found(self, quantity: str, pattern: re.Pattern[str]) -> list[_Column]:
         """Return the columns of a quantity in order, or only the column that the caller names for the quantity."""

@@ -33,6 +33,13 @@ from mwd_surface.uncertainty.programme import Interval, SurveyProgramme
 
 # Smallest number of stations for a multi-station analysis.
 _TOGETHER = 3
+# Largest distance between the places that two sources of one well state, m. Places are rounded, and may be those of the
+# rig or of the field; 10 km is also the largest distance of a first station from its wellhead (`clearance.py`).
+_SAME_WELL = 10e3
+_EARTH_RADIUS = 6371e3
+# Largest plausible dogleg severity, rad/m, and error of the angles of two stations, rad, as in `list_checks.py`.
+_SHARPEST = math.radians(30.0) / 30.0
+_ROUNDING = math.radians(1.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,8 +103,46 @@ def final_list(sources: Sequence[ListSource]) -> FinalList:
     surveys, remarks = _analysed(first.surveys.configured(well, first.surveys.rules), well.error_model)
     found = FinalList(surveys, programme, (), remarks, {r.survey.sequence: first.name for r in surveys.records})
     for source in sources[1:]:
+        _check_place(first, source)
         found = _joined(found, source)
-    return found
+    return dataclasses.replace(found, remarks=(*found.remarks, *_sharp_joints(found)))
+
+
+def _check_place(first: ListSource, other: ListSource) -> None:
+    """Raise ValueError if two sources state places so far apart that they cannot be lists of one well."""
+    places = []
+    for one in (first, other):
+        well = one.surveys.well
+        if well.latitude_deg is None or well.longitude_deg is None:
+            return
+        places.append((well.latitude_deg, well.longitude_deg))
+    (lat_1, lon_1), (lat_2, lon_2) = [(math.radians(lat), math.radians(lon)) for lat, lon in places]
+    half = math.hypot(
+        math.sin((lat_2 - lat_1) / 2.0), math.sqrt(math.cos(lat_1) * math.cos(lat_2)) * math.sin((lon_2 - lon_1) / 2.0)
+    )
+    distance = 2.0 * _EARTH_RADIUS * math.asin(min(half, 1.0))
+    if distance > _SAME_WELL:
+        at = [f"{lat:.4f}, {lon:.4f} deg" for lat, lon in places]
+        raise ValueError(
+            f"{first.name} at {at[0]} and {other.name} at {at[1]} are {distance / 1000.0:.0f} km apart, so they are "
+            "not lists of the same well: leave one out, or correct the place in its list"
+        )
+
+
+def _sharp_joints(final: FinalList) -> list[str]:
+    """Return a remark for each implausible dogleg of the path between stations of two sources."""
+    path = final.surveys.definitive()
+    names = [final.sources.get(number, "") for number in path.sequence]
+    length = np.diff(path.md, prepend=path.md[:1])
+    turned = path.dogleg_severity * length
+    sharp = turned > _SHARPEST * length + _ROUNDING
+    return [
+        f"between {path.md[k - 1]:.1f} m ({names[k - 1]}) and {path.md[k]:.1f} m ({names[k]}) the path turns by "
+        f"{math.degrees(turned[k]):.1f} deg, which is implausible: check that both sources are lists of this hole, "
+        "with the same north and the same datum of depth"
+        for k in range(1, path.md.size)
+        if sharp[k] and names[k - 1] and names[k] not in ("", names[k - 1])
+    ]
 
 
 def _joined(whole: FinalList, source: ListSource) -> FinalList:
@@ -114,19 +159,22 @@ def _joined(whole: FinalList, source: ListSource) -> FinalList:
         return dataclasses.replace(whole, remarks=(*whole.remarks, remark))
     spans = [[r.measured_depth for r in rows if r.in_use] for rows in (mine, theirs)]
     upper, lower = max(map(min, spans)) if mine else math.inf, min(map(max, spans)) if mine else -math.inf
-    if upper > lower:
+    # Stations of two sources nearer than `same_depth` are one station, whose depth each source rounds in its own unit.
+    near = surveys.rules.same_depth
+    if upper - lower >= near:
         return _with(whole, [*surveys.records, *theirs], theirs, source)
-
+    upper = min(upper, lower)
     held = _held(surveys, theirs)
 
     def left_out(record: SurveyRecord, better: str) -> SurveyRecord:
-        here = record.in_use and upper <= record.measured_depth <= lower and _on_path(surveys, record)
+        inside = upper - near < record.measured_depth < lower + near
+        here = record.in_use and inside and _on_path(surveys, record)
         if not here or record.survey.sequence in held:
             return record
         comment = f"{record.comment}; replaced by {better}".removeprefix("; ")
         return dataclasses.replace(record, in_use=False, comment=comment)
 
-    covering = [r for r in mine if upper <= r.measured_depth <= lower] or mine
+    covering = [r for r in mine if upper - near < r.measured_depth < lower + near] or mine
     name = ", ".join(dict.fromkeys(whole.sources[r.survey.sequence] for r in covering))
     # Compute the well twice: with the present stations in the interval, and with the stations of the other source.
     kept = [left_out(r, name) for r in theirs]

@@ -116,13 +116,18 @@ def uncertain_well(
     Raises
     ------
     ValueError
-        No survey in use has a reference field, there is neither programme nor tool code, or the programme does not
-        cover the stations.
+        No survey has a reference field, there is neither programme nor tool code, or the programme does not cover
+        the stations.
     """
-    records = surveys.records_on(path)
-    reference = next((r.survey for r in reversed(records) if r is not None and r.survey.has_reference), None)
+    # Stations of a gyro list have no reference field. The field belongs to the place of the well, so the reference of
+    # a survey that is not in use serves as well.
+    candidates = [*surveys.records, *filter(None, surveys.records_on(path))]
+    reference = next((r.survey for r in reversed(candidates) if r.survey.has_reference), None)
     if reference is None:
-        raise ValueError("no survey in use has a reference field")
+        raise ValueError(
+            "no survey has a reference field, which the error model needs: give the place of the well and a date, or "
+            "total field and dip"
+        )
     programme = programme or programme_of(surveys.well)
     if programme is None:
         raise ValueError("no error model is configured")

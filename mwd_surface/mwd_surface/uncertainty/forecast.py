@@ -169,7 +169,7 @@ def _to_true(north: str, reference: Reference) -> float:
     turn = {"true": 0.0, "magnetic": reference.declination, "grid": reference.convergence}[north]
     if turn is None:
         needed = {"magnetic": "declination", "grid": "convergence"}[north]
-        raise ValueError(f"reference: azimuths from {north} north need the {needed}")
+        raise ValueError(f"azimuths from {north} north need the {needed}: give the {needed} (option --{needed})")
     return turn
 
 

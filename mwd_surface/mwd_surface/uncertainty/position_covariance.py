@@ -137,7 +137,9 @@ def well_terms(
     depth, inc, azi = stations
     needed = {North.MAGNETIC: "declination", North.GRID: "convergence"}.get(north)
     if needed is not None and math.isnan(getattr(reference, needed)):
-        raise ValueError(f"reference: azimuths from {north.name.lower()} north need the {needed}")
+        raise ValueError(
+            f"azimuths from {north.name.lower()} north need the {needed}: give the {needed} (option --{needed})"
+        )
     fields = {k: v for k, v in dataclasses.asdict(reference).items() if k != "latitude"}
     if not all(map(math.isfinite, fields.values())) or reference.b_total <= 0.0 or reference.g_total <= 0.0:
         raise ValueError(f"reference: totals must be positive and all values finite, got {fields}")

@@ -185,6 +185,23 @@ def test_columns_units_and_north_can_be_named():
             Given(**wrong)
 
 
+@pytest.mark.parametrize(
+    ("head", "declination", "convergence"),
+    [
+        ("Magnetic declination: 1.35 E; Grid convergence -0.7", 1.35, -0.7),
+        ("Declination (deg) = -1.35\nConvergence angle: 0.7 deg West", -1.35, -0.7),
+        ("# GRID CONVERGENCE: 0,70°", math.nan, 0.7),
+        ("Declination date: 2026-03-01, model IGRF 14\nDeclination: 2026-03-01", math.nan, math.nan),
+        ("Convergence: -0.7 W", math.nan, math.nan),
+        ("Convergence 0.0122 rad", math.nan, math.nan),
+    ],
+)
+def test_declination_and_convergence_of_the_head_are_the_reference_of_the_stations(head, declination, convergence):
+    got = list_of(f"{head}\nNorth reference: grid\n\n{GOOD}".encode(), "list.csv")
+    for name, wanted in (("declination", declination), ("convergence", convergence)):
+        assert np.degrees(got.figures[name]) == pytest.approx(np.full(3, wanted), nan_ok=True)
+
+
 def test_our_surveys_csv_comes_with_north_verdict_sigma_and_reference():
     text = (
         "sequence,md_m,inclination_deg,azimuth_deg,azimuth_reference,verdict,sigma_inclination_deg,sigma_azimuth_deg,"

@@ -252,5 +252,11 @@ def test_a_declination_to_the_west_is_negative_and_a_mistyped_one_is_refused():
         stations(west | {"Magnetic Declination": ["2;1"] * 3})
 
 
+def test_a_table_without_a_known_depth_names_the_columns_that_are_not_used():
+    (remark,) = find_columns(plain_table(**{"Bohrtiefe (m)": [1.0, 2.0, 3.0], "time": ["", "", ""]})).assumed
+    assert "Bohrtiefe (m)" in remark
+    assert not any(name in remark for name in ("time", "grav_axial", "mag_axial"))
+
+
 def test_a_depth_without_a_unit_is_named():
     assert find_columns(plain_table(MD=[1.0, 2.0, 3.0])).assumed == ("MD: taken as m",)

@@ -3,6 +3,7 @@
 
 import dataclasses
 import functools
+import itertools
 import math
 
 import example_surveys as example
@@ -78,6 +79,48 @@ def test_in_an_overlap_the_surer_survey_is_used_and_the_other_stays_in_the_list(
 def test_surveys_that_disagree_beyond_their_errors_are_named(turn_deg, apart):
     final = final_list([ListSource("run", two_legs(), "MWD+SRGM"), ListSource("gyro", gyro(turn_deg), "GYRO-NS")])
     assert bool(final.overlaps[0].apart) == apart
+
+
+def bare(turn_deg=0.0, first_m=300.0, last_m=680.0, **well):
+    """The gyro survey as tables give it: no station has a reference field, and the list may state no place."""
+    whole = gyro(turn_deg, first_m, last_m)
+    unknown = dict.fromkeys(("b_reference", "dip_reference", "g_reference"), math.nan)
+    records = [dataclasses.replace(r, survey=dataclasses.replace(r.survey, **unknown)) for r in whole.records]
+    place = {"latitude_deg": None, "longitude_deg": None, **well}
+    return whole.with_records(records).configured(dataclasses.replace(whole.well, **place), whole.rules)
+
+
+def test_a_gyro_table_without_a_reference_field_may_cover_the_whole_run():
+    run = two_legs()
+    depths = [r.measured_depth for r in run.records if r.in_use]
+    whole = bare(first_m=min(depths) - 20.0)
+    final = final_list([ListSource("run", run, "MWD+SRGM"), ListSource("gyro", whole, "GYRO-NS")])
+    assert all(math.isfinite(sigma) for one in final.overlaps for sigma in (one.sigma_used, one.sigma_left_out))
+
+
+@pytest.mark.parametrize("shift_m", [-0.0001, 0.0, 0.0001])
+def test_the_rounding_of_a_depth_does_not_make_two_stations_of_one(shift_m):
+    run = two_legs()
+    depths = sorted(r.measured_depth for r in run.records if r.in_use and r.leg == "ST1")
+    theirs = bare(first_m=depths[-1] - 20.0, last_m=depths[-1])
+    theirs = theirs.with_records(
+        dataclasses.replace(r, measured_depth=r.measured_depth + shift_m) for r in theirs.records
+    )
+    final = final_list([ListSource("run", run, "MWD+SRGM"), ListSource("gyro", theirs, "GYRO-NS")])
+    assert min(b - a for a, b in itertools.pairwise(final.surveys.definitive().md)) > 1.0
+    assert len(final.overlaps) == 1
+
+
+def test_lists_of_two_places_are_refused_and_a_joint_that_no_hole_has_is_named():
+    run = two_legs()
+    where = run.well.latitude_deg, run.well.longitude_deg
+    far = bare(latitude_deg=where[0] - 5.0, longitude_deg=where[1])
+    with pytest.raises(ValueError, match="gyro"):
+        final_list([ListSource("run", run, "MWD+SRGM"), ListSource("gyro", far, "GYRO-NS")])
+    for turn_deg, remarks in ((0.3, 0), (170.0, 1)):
+        near = bare(turn_deg, first_m=680.0, last_m=760.0, latitude_deg=where[0] + 0.01, longitude_deg=where[1])
+        final = final_list([ListSource("run", run, "MWD+SRGM"), ListSource("gyro", near, "GYRO-NS")])
+        assert sum("implausible" in one for one in final.remarks) == remarks
 
 
 def test_the_order_of_the_sources_decides_no_overlap():

@@ -108,7 +108,7 @@ class PulseReceiver(SampledReceiver):
             return "no words: there are no samples with rising times"
         # Tolerance for the rounding of the interpolation between equal samples.
         if self._highest - self._lowest <= 1e-9 * abs(self._highest):
-            return f"no words: the gauge is stuck at {self._highest:.6g} Pa"
+            return f"no words: the gauge is stuck at {self._highest / 1e5:.6g} bar"
         # A wrong table lowers the energy of the words, but not the score of the sync.
         if self._reason and self._ebn0_db < _NEEDED_DB and self._best < _CLEAR_SYNC:
             return (
@@ -145,9 +145,11 @@ class PulseReceiver(SampledReceiver):
     @property
     def _longest_flow_s(self) -> float:
         """Longest time with flow, s, as far as the pressure shows it."""
-        ends = [*(span.start_s for span in self._flow.spans), self._grid.seconds(self._grid.end)]
+        # After the end of the recording the grid has unknown samples, which `finish` appends.
+        end_s = self._grid.seconds(min(self._grid.end, self._last))
+        ends = [*(span.start_s for span in self._flow.spans), end_s]
         starts = [self._grid.seconds(0), *(span.end_s for span in self._flow.spans)]
-        return max(end - start for start, end in zip(starts, ends, strict=True))
+        return max(0.0, *(end - start for start, end in zip(starts, ends, strict=True)))
 
     def _take(self, values: Array, known: Array) -> Reception:
         seen = values[known > 0.0]

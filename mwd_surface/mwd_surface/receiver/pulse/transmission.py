@@ -44,7 +44,10 @@ _AFTER_TU = 14
 # Probability of a wrong table above which the transmission counts as lost: at least three words in a row do not fit.
 _LOST = 0.999
 _DOUBTFUL = 0.2  # probability of a wrong word table above which the parities count as failing
-_PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
+_PARITIES_FAIL = (
+    "the parity bits do not fit: sequences, header_bits, parity or pulse_width_s of the tool configuration are wrong, "
+    "or there is no tool"
+)
 _TWO_TOOLS = "two tools send at once; give them different pulse widths or transmit delays"
 FADED = "no pulses any more: flow off, too weak, or the tool began anew"
 # Prior of the share of missing pulses: its weight in packets; and the largest share.
