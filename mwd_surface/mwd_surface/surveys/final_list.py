@@ -137,9 +137,9 @@ def _sharp_joints(final: FinalList) -> list[str]:
     turned = path.dogleg_severity * length
     sharp = turned > _SHARPEST * length + _ROUNDING
     return [
-        f"between {path.md[k - 1]:.1f} m ({names[k - 1]}) and {path.md[k]:.1f} m ({names[k]}) the path turns by "
-        f"{math.degrees(turned[k]):.1f} deg, which is implausible: check that both sources are lists of this hole, "
-        "with the same north and the same datum of depth"
+        f"an implausible dogleg of {math.degrees(turned[k]):.1f} deg from {path.md[k - 1]:.1f} m ({names[k - 1]}) to "
+        f"{path.md[k]:.1f} m ({names[k]}): check that both sources are of this hole and have the same north and depth "
+        "datum"
         for k in range(1, path.md.size)
         if sharp[k] and names[k - 1] and names[k] not in ("", names[k - 1])
     ]
