@@ -332,7 +332,7 @@ class _ListReader:
         if not found:
             if unused:
                 raise ListFileError(f"{self.name}: none of its {unused} surveys is in use")
-            raise ListFileError(f"{self.name}: no station in it")
+            raise ListFileError(f"{self.name}: the list has no station")
         if angle == "dip":
             found = self._from_horizontal(found)
         return self._increasing(self._downwards(self._of_one_leg(found)))

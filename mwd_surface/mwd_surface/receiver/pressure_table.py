@@ -870,7 +870,7 @@ def _of_current(current: Array) -> tuple[Array, list[str]]:
     """Return the pressure, Pa, from a loop current, A, with the usual range, and notes; NaN for a broken wire."""
     broken = current < _BROKEN
     notes = [
-        f"a current of 4 to 20 mA: the range of the gauge is not known, 20 mA is taken as {_FULL_SCALE / 1e5:g} bar"
+        f"a current of 4 to 20 mA: the range of the gauge is not known, {_FULL_SCALE / 1e5:g} bar is assumed at 20 mA"
     ]
     if broken.any():
         notes.append(f"{int(broken.sum())} samples are below 3.6 mA, which means a broken wire, and count as missing")

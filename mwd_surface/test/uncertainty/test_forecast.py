@@ -97,7 +97,7 @@ def test_a_gyro_has_sigmas_but_no_limits():
     assert not np.any(np.isfinite(found.limits))
     with pytest.raises(ValueError, match="GYRO-NS-CT gives no azimuth at"):
         along(90.0, code="GYRO-NS-CT")
-    with pytest.raises(ValueError, match="no sibling"):
+    with pytest.raises(ValueError, match="no variant"):
         correction_map("GYRO-NS", REFERENCE, LATITUDE)
 
 

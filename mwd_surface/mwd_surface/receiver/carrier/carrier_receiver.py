@@ -304,7 +304,9 @@ class CarrierReceiver(SampledReceiver):
         """Give up tracking and search again from the end of the last good block."""
         self._lock = None
         done.frames += self._end_pass(
-            self._beside_line("no carrier any more: flow off, too weak, or the tool began anew")
+            self._beside_line(
+                "the carrier has ended: the flow is off, the signal is too weak, or the tool started a new transmission"
+            )
         )
         self._hop = max(math.floor((lock.good_end - self._band.symbol) / self._hop_steps), 0)
 
