@@ -38,7 +38,7 @@ class ColumnValues:
     Parameters
     ----------
     table, head, given
-        As read from the file, and the statements of the caller.
+        Table and head of the file, and the statements of the caller (`given`).
     rows
         Rows of the table that may be stations.
     of

@@ -206,7 +206,7 @@ class _ListReader:
     Parameters
     ----------
     table, columns, head, given
-        As read from the file; `given` replaces statements of the file.
+        Table, columns and head of the file; `given` replaces statements of the file.
     provenance
         Data of the original list, if the table is an export of this program.
     """
@@ -638,7 +638,7 @@ class _ListReader:
 
     def _horizontal(self, md: Array, column: Callable[[str], Array]) -> tuple[Array, Array]:
         """
-        Return north and east from the wellhead, m, shape (n,) each; nan without columns of both.
+        Return north and east from the wellhead, m, shape (n,) each; nan if one of the two columns is missing.
 
         The wellhead is subtracted from map coordinates. Raises ListFileError if the wellhead is needed but unknown, or
         if offsets and map coordinates in the list contradict each other.

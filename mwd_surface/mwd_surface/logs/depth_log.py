@@ -111,7 +111,7 @@ class _Sums:
 
     def add(self, index: int, sample: LogSample, share: float) -> Samples:
         """
-        Add a sample to a step; return the sums of the step before, for `restore`.
+        Add a sample to a step; return the sums that the step had before, for `restore`.
 
         share: part of the sample in this step, 0 to 1. Call this once for each step of a sample.
         """

@@ -635,7 +635,7 @@ class QuietPeer(asyncio.Protocol):
         return bool(self._inner.eof_received())
 
     def connection_lost(self, error: Exception | None) -> None:
-        """Pass on that the connection is closed."""
+        """Tell the web server that the connection is closed."""
         self._inner.connection_lost(error)
 
     def pause_writing(self) -> None:

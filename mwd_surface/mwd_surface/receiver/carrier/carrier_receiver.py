@@ -490,7 +490,7 @@ def _index(tool: ToolConfiguration, name: BlockName) -> int:
 
 
 def _right(bits: Array) -> float:
-    """Return the probability that all bits are right, taken as independent; bits: log posterior ratios."""
+    """Return the probability that all bits are right if their errors are independent; bits: log posterior ratios."""
     return float(np.exp(-np.sum(np.log1p(np.exp(-np.abs(bits))))))
 
 

@@ -71,7 +71,7 @@ class ReceivedTransmission:
     position : float
         Position where the sync starts, steps of the grid.
     doubt : Doubt
-        Doubt about the configuration after the transmissions before.
+        Doubt about the configuration that the earlier transmissions left.
     """
 
     def __init__(self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, doubt: Doubt) -> None:

@@ -518,7 +518,11 @@ async def _variable(ua: Any, parent: Any, index: int, variable: Variable, identi
 
 
 async def _set_type(ua: Any, parent: Any, reference: Any, node: Any, old: Any, new: Any) -> None:
-    """Change the type of a node, and recreate the parent's reference to it: browsing clients read the type there."""
+    """
+    Change the type of a node.
+
+    The reference of its parent is recreated, because browsing clients read the type from this reference.
+    """
     await node.delete_reference(old, ua.ObjectIds.HasTypeDefinition)
     await node.add_reference(new, ua.ObjectIds.HasTypeDefinition, True, False)
     await parent.delete_reference(node, reference)
