@@ -127,7 +127,10 @@ def test_values_are_at_least_24_pixels_high(browser):
         assert min(font_sizes(browser, ".value[data-state=live] .number")) >= 24
 
 
-@pytest.mark.parametrize(("theme", "size"), [("night", SIZES[0]), ("day", SIZES[1]), ("day", SIZES[2])])
+@pytest.mark.parametrize(
+    ("theme", "size"),
+    [("night", SIZES[0]), pytest.param("day", SIZES[1], marks=pytest.mark.nightly), ("day", SIZES[2])],
+)
 def test_axe_finds_nothing_to_object_to_on_any_tab(browser, theme, size):
     with rig_on(browser, size) as rig:
         steered(rig)
