@@ -57,18 +57,17 @@ def test_the_keyboard_alone_reaches_tabs_and_survey_lines(browser):
         assert text(browser, ".detail")
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_nothing_moves_when_alarms_surveys_faults_and_silence_come_and_go(browser, size):
+def test_nothing_moves_when_alarms_surveys_faults_and_silence_come_and_go(browser):
     places = ("#dial-panel", "#dial svg", "#numbers", "#small", "#quality", "#lights", "#tabs", "#alarm")
 
     def layout():
-        return [box(browser, place) for place in places]
+        return {size: [box(browser, place) for place in places] for size in in_each_size(browser, SIZES)}
 
     def shows_disturbance():
         rig.live(status=int(Status.ROTATING | Status.NO_MAG | Status.CLIPPED | Status.MAG_DISTURBED))
         return "magnetic disturbance" in text(browser, "#pills")
 
-    with rig_on(browser, size, settings=LiveSettings()) as rig:
+    with rig_on(browser, settings=LiveSettings()) as rig:
         rig.live()
         wait(browser, lambda: state_of(browser, "attitude.inclination") in ("live", "stale"))
         before = layout()
@@ -84,31 +83,33 @@ def test_nothing_moves_when_alarms_surveys_faults_and_silence_come_and_go(browse
         assert layout() == before, "disconnected"
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_nothing_is_wider_than_the_screen(browser, size):
-    with rig_on(browser, size) as rig:
+def test_nothing_is_wider_than_the_screen(browser):
+    with rig_on(browser) as rig:
         rig.live()
-        for name in ("surveys", "path", "charts", "steering", "alarms", "system", "controls"):
-            if browser.find_elements(By.ID, f"select-{name}"):
-                tab(browser, name)
-            width, inner = browser.execute_script("return [document.documentElement.scrollWidth, window.innerWidth]")
-            assert width <= inner, name
-        if size[0] >= 1024:
-            height, inner = browser.execute_script("return [document.documentElement.scrollHeight, innerHeight]")
-            assert height <= inner
-        table = "const t = document.querySelector('.table-box'); return [t.scrollWidth, t.clientWidth]"
-        if browser.find_elements(By.ID, "select-surveys"):
-            tab(browser, "surveys")
-        wide, room = browser.execute_script(table)
-        assert wide <= room
-        if size[0] >= 1024:
-            # Whole lines: the lower edge of the table's room is that of a line.
-            edges = """
-              const room = document.querySelector(".table-box").getBoundingClientRect();
-              return [...document.querySelectorAll(".surveys tr")].map((r) => r.getBoundingClientRect())
-                .filter((r) => r.top < room.bottom - 2 && r.bottom > room.bottom + 2).map((r) => [r.top, r.bottom]);
-            """
-            assert browser.execute_script(edges) == []
+        for size in in_each_size(browser, SIZES):
+            for name in ("surveys", "path", "charts", "steering", "alarms", "system", "controls"):
+                if browser.find_elements(By.ID, f"select-{name}"):
+                    tab(browser, name)
+                width, inner = browser.execute_script(
+                    "return [document.documentElement.scrollWidth, window.innerWidth]"
+                )
+                assert width <= inner, name
+            if size[0] >= 1024:
+                height, inner = browser.execute_script("return [document.documentElement.scrollHeight, innerHeight]")
+                assert height <= inner
+            table = "const t = document.querySelector('.table-box'); return [t.scrollWidth, t.clientWidth]"
+            if browser.find_elements(By.ID, "select-surveys"):
+                tab(browser, "surveys")
+            wide, room = browser.execute_script(table)
+            assert wide <= room
+            if size[0] >= 1024:
+                # Whole lines: the lower edge of the table's room is that of a line.
+                edges = """
+                  const room = document.querySelector(".table-box").getBoundingClientRect();
+                  return [...document.querySelectorAll(".surveys tr")].map((r) => r.getBoundingClientRect())
+                    .filter((r) => r.top < room.bottom - 2 && r.bottom > room.bottom + 2).map((r) => [r.top, r.bottom]);
+                """
+                assert browser.execute_script(edges) == []
 
 
 def test_what_is_touched_is_large_enough_for_gloves(browser):
@@ -163,9 +164,8 @@ def test_the_browser_has_nothing_to_complain_about(browser):
         assert all(name.startswith(rig.server.address) for name in json.loads(names))
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_whether_it_is_recorded_and_what_the_alarm_is_stay_in_view_beside_trouble(browser, size):
-    with rig_on(browser, size) as rig:
+def test_whether_it_is_recorded_and_what_the_alarm_is_stay_in_view_beside_trouble(browser):
+    with rig_on(browser) as rig:
         rig.alarm_log.raise_alarm("mag", Severity.CRITICAL, "magnetometer no longer sends samples", "plug")
         rig.publish()
         rig.live(status=int(Status.SENSOR_FAULT | Status.NO_MAG | Status.ROTATING))
@@ -178,14 +178,16 @@ def test_whether_it_is_recorded_and_what_the_alarm_is_stay_in_view_beside_troubl
           return [place.bottom - row.bottom, place.right - row.right, what.scrollHeight - what.clientHeight,
             what.scrollWidth - what.clientWidth];
         """
-        assert max(browser.execute_script(cut)) <= 1
+        for size in in_each_size(browser, SIZES):
+            assert max(browser.execute_script(cut)) <= 1, size
         with_pumps = wire.RIG_STATE.empty(1)
         with_pumps["flow_rate"], with_pumps["valid"] = 0.03, 128
         rig.state.on_rig_state(with_pumps, time.monotonic())
         rig.state.on_stream("sonde", 1, time.monotonic())
         rig.push()
         wait(browser, lambda: "pumps on" in text(browser, "#pills"))
-        assert browser.execute_script(OUT_OF_THE_ROW) == []
+        for size in in_each_size(browser, SIZES):
+            assert browser.execute_script(OUT_OF_THE_ROW) == [], size
 
 
 # Pills that do not fit in their row, or on a phone upright in their two rows.
