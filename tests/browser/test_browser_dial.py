@@ -10,7 +10,7 @@ from browser_page import By, box, click, font_sizes, in_each_size, rig_on, show,
 from mwd_estimation.core.status import Status
 from mwd_surface.trajectory.advice import Advice, AdviceMode
 
-pytestmark = pytest.mark.slow(0.1)
+pytestmark = pytest.mark.slow(0.8)
 
 
 def test_the_dial_follows_the_message(browser):

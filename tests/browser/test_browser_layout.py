@@ -31,7 +31,7 @@ from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.supervision import TABLE
 from mwd_surface.live.well_state import SurveyProgress
 
-pytestmark = pytest.mark.slow(0.1)
+pytestmark = pytest.mark.slow(2)
 
 AXE = Path(__file__).parent / "vendor" / "axe.min.js"
 

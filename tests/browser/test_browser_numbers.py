@@ -16,7 +16,7 @@ from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import ReferenceFieldState
 from mwd_surface.trajectory.plan import Offset
 
-pytestmark = pytest.mark.slow(0.1)
+pytestmark = pytest.mark.slow(0.8)
 
 
 def test_the_first_screen_says_where_the_tool_points_with_unit_sigma_and_age(browser):

@@ -11,7 +11,7 @@ from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import SurveyProgress
 from mwd_surface.surveys.mine_hole import CONSISTENT, Branch, Closure
 
-pytestmark = pytest.mark.slow(0.1)
+pytestmark = pytest.mark.slow
 
 
 def test_the_survey_table_has_words_for_verdicts_and_a_projected_last_line(browser):

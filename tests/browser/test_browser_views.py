@@ -10,7 +10,7 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
 
-pytestmark = pytest.mark.slow(0.1)
+pytestmark = pytest.mark.slow(2)
 
 TABS = ("surveys", "path", "charts", "steering", "link", "alarms", "system", "controls")
 SIZES = ((3840, 2160), (1920, 1080), (1280, 800), (1024, 768), (390, 844))
