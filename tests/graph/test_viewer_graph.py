@@ -22,7 +22,7 @@ from page_states import differences
 from project import SCENARIOS
 from running_graph import until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(11)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(18)]
 
 TOKEN = "look-twice-first"  # noqa: S105
 # The ellipses are computed in the background, on a busy machine for seconds.
