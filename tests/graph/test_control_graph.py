@@ -14,7 +14,7 @@ from running_graph import until
 
 PAGE = ROOT / "docs" / "rig" / "control.md"
 STEERED = ROOT / "tests" / "graph" / "scenarios" / "steered.yaml"
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(3)]
 
 # Somebody who sends without a lease of his own, to the authority and past it.
 INTRUDER = """
@@ -119,7 +119,7 @@ def test_nobody_but_the_owner_is_obeyed_whatever_he_has_read(contested):
     assert [line[:8] for line in said] == ["asked: 0", "asked: 0", "released"]
     assert all("first is the name of another controller" in line for line in said[:2])
     assert "only first can give it back" in said[2]
-    assert "control/command not taken: seal: " in contested["log"]
+    assert "a message on control/command was refused: seal: " in contested["log"]
     assert "rig/command not obeyed: lease: 1 has ended" in contested["rig"]
     from mwd_msgs.msg import RigCommand
     from rclpy.serialization import deserialize_message

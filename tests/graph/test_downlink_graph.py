@@ -101,7 +101,7 @@ def test_the_terminal_refuses_asks_and_grants_in_words(run):
     assert sent[0] == 0
     assert "waits for permission" in sent[1]
     assert second[0] == 1
-    assert "one at a time" in second[1]
+    assert "only one can run" in second[1]
     assert nobody[0] == 1
     assert "named person" in nobody[1]
     assert other[0] == 1

@@ -56,7 +56,7 @@ def run(state: Samples, samples: Samples) -> None:
     state : ndarray, shape (1,)
         State from `initial`, changed in place; the result does not depend on how the samples are cut into blocks.
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
-        Samples; `down`, the sigmas, `turned` and `rate_x` of rejected ones are changed in place.
+        Samples; for rejected samples, `down`, the sigmas, `turned` and `rate_x` are changed in place.
     """
     # If no sample is rejected, store only the last samples, which later blocks may need.
     rejected = (samples["status"] & _REJECTED != 0).any()

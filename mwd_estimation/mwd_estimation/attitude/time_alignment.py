@@ -361,10 +361,9 @@ def _write(
     row: AttitudeRow,
 ) -> None:
     """
-    Write the row of a sample.
+    Write the attitude of one sample into its row.
 
-    across_axis: 1 sigma of the component of the axial interference across magnetic north if the hole were horizontal,
-    T.
+    across_axis: 1 sigma of the axial interference, as its component across magnetic north in a horizontal hole, T.
     """
     row.total, row.dip = (s.total, s.dip) if s.have_mag else (math.nan, math.nan)
     row.azimuth = row.magnetic_toolface = math.nan

@@ -23,7 +23,7 @@ ACCEL, AXIAL_GYRO, CROSS_GYRO = 1, 2, 4
 
 class UnitSamples(NamedTuple):
     """
-    Samples of a unit.
+    Samples of one inertial unit.
 
     stamps, shape (n,), ns; values, shape (n, 6): rates, rad/s, and forces, m/s^2; clipped, shape (n,): clip flags, None
     if the unit does not report clipping.

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Detect single wrong samples of a gyro, whose rates are within its range but far from the rates before.
+Detect single wrong samples of a gyro, whose rates are within its range but far from the preceding rates.
 
 From sample to sample a rate may change by a multiple of its usual recent change, or by the largest acceleration that a
 string reaches. If a sample differs more from the last accepted one, later samples decide whether it is right: after a

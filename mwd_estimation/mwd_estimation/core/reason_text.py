@@ -87,8 +87,8 @@ WORDS: dict[Code, str] = {
     "check the tool",
     Code.WIRING: "{names[1]} (the {names[0]} shows it): {remedies}; correct the columns and compute again",
     Code.NO_HORIZONTAL_FIELD: "no horizontal field",
-    Code.INCLINATION_ONLY: "{causes}: inclination and toolface only",
-    Code.NORTH_UNKNOWN: "{names[0]} azimuth needs the {names[1]}: azimuth is magnetic",
+    Code.INCLINATION_ONLY: "{causes}: only inclination and toolface are computed",
+    Code.NORTH_UNKNOWN: "an azimuth from {names[0]} north needs the {names[1]}: the azimuth is from magnetic north",
     Code.NO_REFERENCE_FIELD: "no reference field: the azimuth is from {names[0]} north and not corrected, and total "
     "field and dip are not checked",
     Code.STRING_ROTATED: "taken while the string turned at {value:.0f r/min}: no toolface",
@@ -131,7 +131,7 @@ WORDS: dict[Code, str] = {
     "check the tool at surface, or change the tool",
     Code.MOUNT_MAY_BE_TURNED: "inclination may be wrong by {value:.1f deg} (1 sigma): the dip also fits accelerometers "
     "turned in their mount; survey again at another toolface, check the tool at surface",
-    Code.READINGS_REPEATED: "the readings are to the last digit those of station {value:.0f} of this run: old data "
+    Code.READINGS_REPEATED: "all digits of the readings equal those of station {value:.0f} of this run: old data were "
     "sent again; survey again",
     Code.UNCERTAIN_STRING: _UNCERTAIN + "drill-string interference cannot be determined well enough at this "
     "attitude, at any toolface; take a gyro, or stations of this run where the hole has another direction",
@@ -143,8 +143,8 @@ WORDS: dict[Code, str] = {
     "check place, date and magnetic storms",
     Code.UNCERTAIN_SENSOR: _UNCERTAIN + "a sensor may be out of calibration, or shielded by magnetic mud; "
     "check the tool at surface",
-    Code.UNCERTAIN_FOR_ANY_TOOL: "the sigma of the azimuth is {value:.0f deg}, and {limit:.0f deg} for any magnetic "
-    "tool here: the horizontal field is weak, or the string is of steel; use a gyro",
+    Code.UNCERTAIN_FOR_ANY_TOOL: "the sigma of the azimuth is {value:.0f deg}; here it is {limit:.0f deg} even for "
+    "a faultless magnetic tool: the horizontal field is weak, or the string is of steel; use a gyro",
     Code.GYRO_DISAGREES: "gyro and magnetic azimuth disagree (probability {value:.0f %} that the gyro is wrong): "
     "let the tool rest and survey again, at another toolface if it can be turned",
     Code.PROPAGATED_DISAGREES: "the azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from the azimuth that the "

@@ -83,7 +83,7 @@ class _Pace:
 
 @compiled
 def _near(stamps: Stamps, latest: int) -> tuple[bool, int, int]:
-    """Return whether each stamp is within BACK_NS of the latest one before, the latest stamp and the last step, ns."""
+    """Return whether each stamp is within BACK_NS of the latest earlier one, the latest stamp and the last step, ns."""
     step = 0
     for stamp in stamps:
         if not latest - BACK_NS < stamp <= latest + BACK_NS:

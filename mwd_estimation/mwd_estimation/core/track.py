@@ -47,7 +47,7 @@ class TrackClock:
     last_ns: int  #: stamp of the last admitted sample, ns
     started: bool  #: whether a sample has been admitted
     #: `backward_ns`, `backward_count`: last stamp that was not later than `last_ns`, ns; and number of these stamps,
-    #: each later than the one before.
+    #: each later than the previous one.
     backward_ns: int
     backward_count: int
 

@@ -143,8 +143,8 @@ def posterior(parts: Mixture, horizontal: float, expected: float | None = None) 
     horizontal : float
         Earth rate times the cosine of the latitude, rad/s.
     expected : float, optional
-        An azimuth, rad, that selects one of several azimuths that fit; the value of the selected azimuth stays the
-        same.
+        An azimuth, rad, that selects one of several azimuths that fit; this argument does not change the value of the
+        selected azimuth.
     """
     cost = _Cost(parts, horizontal)
     modes = _modes(cost.total)

@@ -344,10 +344,11 @@ def _toolface(state: SeekState) -> float:
 
 def _sought(p: KernelParams, state: SeekState, right: Array) -> gyro_errors.Sought:
     """
-    Return Earth rate, gyro errors and heading of a seek, with their covariance and with the prior of the gyro errors.
+    Return the results of a seek: Earth rate, gyro errors and heading, with their covariance.
 
-    right, shape (37,): factors by which the error state adds to the heading. The prior has the start sigma of the
-    biases and the stated ramp, both propagated over the duration of the seek, and the start sigma of the g-sensitivity.
+    The prior of the gyro errors is returned too: the start sigma of the biases and the stated ramp, both propagated
+    over the duration of the seek, and the start sigma of the g-sensitivity. right, shape (37,): factors by which the
+    error state adds to the heading.
     """
     north, east, down = range(Error.EARTH_RATE, Error.GYRO_BIAS)
     each = np.eye(Error.SIZE)

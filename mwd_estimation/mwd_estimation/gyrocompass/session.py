@@ -86,12 +86,12 @@ class NorthSession:
 
     @property
     def remaining(self) -> float:
-        """Remaining time, s."""
+        """Remaining time of the seek, s."""
         return max(self.duration - self.elapsed, 0.0)
 
     @property
     def done(self) -> bool:
-        """Whether the duration is over."""
+        """Whether the duration of the seek is over."""
         return self.elapsed >= self.duration
 
     def add(self, seconds: float, precision: UnitSamples, ahrs: tuple[Stamps, Array]) -> None:

@@ -32,7 +32,7 @@ class Solution:
 
     @property
     def success(self) -> bool:
-        """Whether the azimuth may be used."""
+        """Whether the azimuth of the seek may be used."""
         return self.reason is None
 
     @property

@@ -233,9 +233,9 @@ def _correct(s: StaticState, error: Array) -> None:
 @compiled
 def _not_moved(s: StaticState, w: StaticWork) -> float:
     """
-    Update with position zero and velocity zero in six scalar steps, and correct the state.
+    Measure position and velocity as zero, because the tool stays in place, and correct the state.
 
-    Returns the mean ratio of squared innovation to its variance.
+    The six measurements are scalar updates. Returns the mean of the squared innovations, each divided by its variance.
     """
     error, ph = w.error, w.ph
     for j in range(Error.SIZE):

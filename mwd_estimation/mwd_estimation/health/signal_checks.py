@@ -36,7 +36,7 @@ class AxisChannel:
     """One axis of one sensor: counts of the half second, and values kept from earlier half seconds."""
 
     #: `n`, `not_finite`, `repeats`, `at_limit`: number of finite samples, of samples that are not finite, of samples
-    #: equal to the one before, and of samples at the end of the range.
+    #: equal to the previous one, and of samples at the end of the range.
     n: int
     not_finite: int
     repeats: int
@@ -108,11 +108,11 @@ class SignalLimits(NamedTuple):
     in_pace: float = 0.2
     #: If a larger share of the intervals is too long, the rotation between the samples counts as unknown.
     lost: float = 0.75
-    repeated: float = 0.3  #: largest share of samples that repeat the one before
+    repeated: float = 0.3  #: largest share of samples that repeat the previous sample
 
 
 def blank() -> Any:
-    """Return nine channels before the first sample, dtype CHANNEL: gyro, accelerometer, magnetometer, each x, y, z."""
+    """Return empty statistics of the nine channels (x, y, z of gyro, accelerometer, magnetometer), dtype CHANNEL."""
     channels = np.zeros(9, dtype=CHANNEL)
     channels["last"], channels["least_step"] = math.nan, math.inf
     return channels
@@ -154,9 +154,9 @@ def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: flo
 @compiled
 def summarise(channels: Any) -> None:
     """
-    Compute mean and standard deviation of every channel (0 without samples), and count its constant half seconds.
+    Compute mean and standard deviation of every channel, and count the half seconds in which its value was constant.
 
-    A half second with fewer than `_SOME` samples leaves the count unchanged.
+    Without samples both are 0. A half second with fewer than `_SOME` samples leaves the count unchanged.
     """
     for c in range(9):
         row = channels[c]
@@ -320,7 +320,7 @@ def judge_refused(checks: Any, channels: Any, s: int, sizes: Array, expected: fl
             away = np.abs(power - FIELD_POWERS)
             unit = int(np.argmin(away)) + 1 if away.min() < 0.5 else 0
     # A gyro at rest reads small rates in any unit, which is not evidence for SI: require shaking forces. Their standard
-    # deviations are from the half second before.
+    # deviations are from the previous half second.
     shown = s != 0 or max(channels[3].spread, channels[4].spread, channels[5].spread) > 0.3
     seen = FOR if unit else (AGAINST if shown or check.votes_for == 0 else NOTHING)
     observe(check, seen, began, sizes[k // 2] if k else 0.0, 0.0)

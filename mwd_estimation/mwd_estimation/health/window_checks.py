@@ -390,7 +390,7 @@ class WindowJudge:
 
     def _least_contrived(self, check: Any, explaining: Flags) -> list[int]:
         """
-        Return the simplest mistakes that explain this window and the windows before, one bit mask for each sensor.
+        Return the simplest mistakes that explain this window and all earlier windows, one bit mask for each sensor.
 
         The first window with an observation for the fault may contain the beginning of the fault, so it does not
         exclude mistakes for later windows. If no mistake explains all windows, only the latest window counts.

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Find spikes of a magnetometer: samples whose field strength is far from the median strength of the samples before.
+Find spikes of a magnetometer: samples whose field strength is far from the median strength of the preceding samples.
 
 Rotation of the tool does not change the strength, so the running median shows a spike at once. Lasting external
 interference changes the median and is accepted after half the samples of the median. The readings of a rotating tool

@@ -127,7 +127,11 @@ class EstimatorActions:
             goal.finish(_north(solution) if solution.reason is None else _no_north(text(solution.reason)))
 
     def finish_rotary_survey(self, survey: SurveyMessage | None, words: str) -> None:
-        """Finish the rotary survey; survey: None if none was taken; words: verdict, or the reason for no survey."""
+        """
+        Finish the rotary survey.
+
+        survey: None if no survey was taken. words: verdict, or the reason why no survey was taken.
+        """
         goal, self._rotary = self._rotary, None
         if goal is None:
             return

@@ -74,8 +74,8 @@ class Accelerometer:
     bias_ug: float = setting(
         408.0,
         "Bias of each axis that calibration leaves, 1 sigma. Raising it widens the sigma of inclination and toolface "
-        "of every sample, and the acceptance limits of surveys. The default is the ISCWSA MWD tool code's (0.004 "
-        "m/s^2); a calibration certificate may state less; a new unit without calibration has about 3000.",
+        "of every sample, and the acceptance limits of surveys. The default is the value of the ISCWSA MWD tool code "
+        "(0.004 m/s^2); a calibration certificate may state less; a new unit without calibration has about 3000.",
         low=0.0,
         high=1e5,
         expert=True,
@@ -83,7 +83,7 @@ class Accelerometer:
     bias_ug_per_c: float = setting(
         10.0,
         "Growth of the bias beyond the temperatures of calibration, 1 sigma. Raising it widens the sigmas of surveys "
-        "there. From calibrations at several temperatures.",
+        "at such temperatures. From calibrations at several temperatures.",
         low=0.0,
         high=1e4,
         expert=True,
@@ -91,7 +91,7 @@ class Accelerometer:
     scale_ppm: float = setting(
         500.0,
         "Scale error of each axis that calibration leaves, 1 sigma. Raising it widens the sigmas and limits of "
-        "surveys. The default is the ISCWSA MWD tool code's.",
+        "surveys. The default is the value of the ISCWSA MWD tool code.",
         low=0.0,
         high=1e5,
         expert=True,
@@ -136,7 +136,7 @@ class Magnetometer:
     bias_nt: float = setting(
         70.0,
         "Bias of each axis that calibration leaves, 1 sigma. Raising it widens the sigmas and acceptance limits of "
-        "surveys. The default is the ISCWSA MWD tool code's.",
+        "surveys. The default is the value of the ISCWSA MWD tool code.",
         low=0.0,
         high=10000.0,
         expert=True,
@@ -144,7 +144,7 @@ class Magnetometer:
     bias_nt_per_c: float = setting(
         1.0,
         "Growth of the bias beyond the temperatures of calibration, 1 sigma. Raising it widens the sigmas of surveys "
-        "there. From calibrations at several temperatures.",
+        "at such temperatures. From calibrations at several temperatures.",
         low=0.0,
         high=1e3,
         expert=True,
@@ -152,7 +152,7 @@ class Magnetometer:
     scale_ppm: float = setting(
         1600.0,
         "Scale error of each axis that calibration leaves, 1 sigma. Raising it widens the sigmas and limits of "
-        "surveys. The default is the ISCWSA MWD tool code's.",
+        "surveys. The default is the value of the ISCWSA MWD tool code.",
         low=0.0,
         high=1e5,
         expert=True,

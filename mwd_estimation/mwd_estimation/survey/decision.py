@@ -147,7 +147,7 @@ class SurveyDecision:
         sequence : int
             The survey's number.
         gyro : Solution or None
-            North from the precision unit, or the reason for none; None if there is no precision unit.
+            North from the precision unit, or the reason why it has no north; None if there is no precision unit.
         turning : Turning or None
             Estimates from the rotations of the string so far.
         usable : bool

@@ -42,7 +42,7 @@ class GyroParts:
 
     def weighed(self, angles: Array, known: Array | float = 1.0) -> Array:
         """
-        Return the sum of both densities, shape (n,), not normalised, weighted by their agreement with a known azimuth.
+        Return the sum of two densities, shape (n,), not normalised, weighted by their agreement with a known azimuth.
 
         angles: shape (n,), rad; known: density of the known azimuth, per rad. The known azimuth changes only the
         weights: it must not narrow the densities, because both azimuths have errors in common.

@@ -40,9 +40,9 @@ def test_hypotheses_and_azimuths_are_listed_with_their_odds():
 
 def test_the_reasons_behind_a_reason_stand_in_its_sentence():
     why = Reason(ReasonCode.INCLINATION_ONLY, causes=(Reason(ReasonCode.NO_MAGNETOMETER),))
-    assert text(why) == "no magnetometer reading: inclination and toolface only"
+    assert text(why) == "no magnetometer reading: only inclination and toolface are computed"
     assert texts([why, SUSPECT])[1] == "the gyro was in doubt while this survey was averaged: take the survey again"
-    assert joined([why, why]) == "; ".join(["no magnetometer reading: inclination and toolface only"] * 2)
+    assert joined([why, why]) == "; ".join(["no magnetometer reading: only inclination and toolface are computed"] * 2)
     assert joined(None) == ""
 
 

@@ -74,7 +74,7 @@ class NoiseWatch:
     Parameters
     ----------
     known : mapping of StatedNoise, optional
-        Noise that is known already, by vector.
+        Noise of each vector that earlier messages stated, by name of the vector.
     """
 
     def __init__(self, known: Mapping[str, StatedNoise] | None = None) -> None:

@@ -195,7 +195,7 @@ def coning_rotation(
     """
     Return the rotation vector of a sample, rad, with coning correction: b + share/12 a x b (S3 eq 5).
 
-    b is the rotation during this sample (rate times dt), rad, and a the rotation during the sample before. share is 1
+    b is the rotation during this sample (rate times dt), rad, and a the rotation during the previous sample. share is 1
     for mean rates and 0 if the sensor already integrates its rates (strapdown).
     """
     c = share / 12.0

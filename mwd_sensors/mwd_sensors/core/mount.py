@@ -22,7 +22,7 @@ from mwd_sensors.core.settings import setting
 
 AS_IMU, TF = "as imu", "tf"
 ALONG = math.cos(math.radians(8.0))
-"""A direction is taken for an axis of the unit if the cosine of the angle between them is above this (angle below
+"""A direction counts as an axis of the unit if the cosine of the angle between them is above this (angle below
 8 deg): the measured axis of an uncalibrated gyro is wrong by some degrees."""
 # Largest difference of a quaternion's length from 1, or of an element of R R' from the identity matrix, that is
 # accepted as rounding of the numbers that a user wrote.

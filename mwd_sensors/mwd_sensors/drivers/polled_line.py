@@ -50,8 +50,8 @@ NAMES = {topic: tuple(f"{name}_{axis}" for name in names for axis in "xyz") for 
 NAMES["imu/temperature"] = ("temperature",)
 _CHECK_BYTES, _REFUSED, _CODE = 2, 0x80, {1: "unknown command", 2: "unknown data", 3: "wrong number", 4: "unit failed"}
 _LARGEST_FLOAT32 = 3.4e38
-# Unit of step and offset -> SI value of 1 in this unit. An unknown unit is refused, because its numbers taken as SI
-# would be wrong.
+# Unit of step and offset -> SI value of 1 in this unit. An unknown unit is refused, because its numbers would be wrong
+# if they were read as SI.
 _UNITS = {one: meanings.factor(one) for one in ("", "rad", "deg", "m/s^2", "g", "mg", "T", "mT", "uT", "nT", "G", "mG")}
 _UNITS |= {one: meanings.factor(one) for one in ("degC", "rpm", "V", "mV", "A", "mA", "C", "Ah", "s", "h")}
 _UNITS |= {"rad/s": 1.0, "deg/s": math.radians(1.0), "deg/h": math.radians(1.0) / 3600.0, "ms": 1e-3, "us": 1e-6}
@@ -334,7 +334,7 @@ class Master:
     Master of a polled line: sends the requests in turn and reads the replies.
 
     Times are in s by any steady clock. After a wait of `timeout_s` for a reply, the line must be quiet for another
-    `timeout_s` before the request is repeated, so that a late reply is not taken for the reply to the next request.
+    `timeout_s` before the request is repeated, so that a late reply is not mistaken for the reply to the next request.
     """
 
     def __init__(self, frame: PolledFrame) -> None:

@@ -41,7 +41,7 @@ class CarrierSent:
     #: `frequency_hz`, `symbol_s`: carrier frequency, Hz, and symbol duration, s, by the clock of the surface.
     frequency_hz: float
     symbol_s: float
-    shift: float  #: share of a symbol during which the phase changes from the phase of the symbol before
+    shift: float  #: share of a symbol during which the phase changes from the phase of the previous symbol
 
     def drive(self, time_s: Array) -> Array:
         """Return the signal at times, s, shape (n,): a cosine of amplitude 1 while the tool sends, otherwise 0."""

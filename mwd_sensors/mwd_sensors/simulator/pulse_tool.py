@@ -42,7 +42,7 @@ class SentTransmission:
 
 @dataclasses.dataclass(frozen=True)
 class LinkRun:
-    """Simulated transmission through mud, with the standpipe pressure."""
+    """Simulated transmission through mud, and the standpipe pressure that it causes."""
 
     time_s: Array  #: shape (n,); times, s
     pressure_pa: Array  #: shape (n,); standpipe pressure, Pa

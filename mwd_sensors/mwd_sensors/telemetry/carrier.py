@@ -156,7 +156,7 @@ def data_places(carrier: Carrier) -> Indices:
     """
     Return the positions, within a block, of the symbols that carry coded bits, shape (n,).
 
-    DPSK codes a bit in the change from the symbol before, so the first symbol of a block carries no bit.
+    DPSK codes a bit in the change from the previous symbol, so the first symbol of a block carries no bit.
     """
     places = np.arange(carrier.block_symbols)
     inside = (places >= carrier.half) & (places < carrier.half + MARKER_SYMBOLS)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from mwd_sensors.core.settings import unknown_key
 from mwd_sensors.telemetry.words import COMMON, MAX_BITS, Word
 
-# Largest number of words of a sequence with its repeats written out; more words are taken for a typing error in a
+# Largest number of words of a sequence with its repeats written out; more words are treated as a typing error in a
 # repeat count.
 MAX_WORDS = 1000
 _TOKEN = re.compile(

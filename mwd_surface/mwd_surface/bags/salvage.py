@@ -24,8 +24,8 @@ from mwd_surface.bags.topic_info import TopicInfo
 
 # Rows read from a damaged database at once; number of consecutive empty reads that end the search.
 _STEP, _BARREN = 1000, 50
-# Largest ratio of the size stated in the header of a database to the size of its file; above it, the header is taken
-# as damaged.
+# Largest ratio of the size stated in the header of a database to the size of its file; above it, the header counts as
+# damaged.
 _LONGEST = 100
 
 

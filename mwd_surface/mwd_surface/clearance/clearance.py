@@ -196,7 +196,7 @@ def clearance(
     """
     if reference.north != offset.north:
         raise ValueError(
-            f"{offset.name}: azimuths from {offset.north.name.lower()} north, those of the well from "
+            f"{offset.name}: its azimuths are from {offset.north.name.lower()} north, but those of the well from "
             f"{reference.north.name.lower()} north"
         )
     for well in (reference, offset):

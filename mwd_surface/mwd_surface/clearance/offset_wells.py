@@ -280,7 +280,7 @@ def _wellhead(
         place = mapped
         text = (
             f"{named}: its wellhead lies {place[0]:+.2f} m north and {place[1]:+.2f} m east, by the map coordinates of"
-            " both lists, which are taken to be of one grid"
+            " both lists, which are assumed to be of one grid"
         )
         said = (Remark(RemarkKind.WELLHEAD_ASSUMED, text, {"north": place[0], "east": place[1]}),)
     else:

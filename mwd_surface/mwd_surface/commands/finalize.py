@@ -42,10 +42,11 @@ def finalize(
     """
     Write the final survey list of a well from all its runs and lists, with overlaps resolved.
 
-    The first source gives the well, its legs and the decisions of people; the stations of the other sources join
-    the path of its current leg, above the kick-off the leg that it leaves. Where two sources cover an interval, the
-    source with the smaller position uncertainty at the end of the interval is used, and the depths at which the
-    sources disagree beyond their errors are listed. Each magnetic run gets a multi-station analysis for comparison.
+    The first source gives the well, its legs and the decisions of people. The stations of the other sources are
+    added to the path of its current leg; above the kick-off depth they belong to the leg that it leaves. Where two
+    sources cover an interval, the source with the smaller position uncertainty at the end of the interval is used,
+    and the depths at which the sources disagree beyond their errors are listed. Each magnetic run gets a
+    multi-station analysis for comparison.
     Writes DIR/surveys.json and programme.yaml (for `mwd path`, `clearance`, `export`), definitive.csv, raw.csv,
     definitive.las, trajectory.xml, report.html, report.pdf, differences.csv (differences from the list as first
     decided), and certificate.json with the SHA-256 of every input and output; with --key also certificate.sig.

@@ -22,7 +22,7 @@ Domain = Annotated[
     int | None,
     typer.Option(help="ROS domain of the nodes; by default ROS_DOMAIN_ID, else the domain of the run on this machine."),
 ]
-NodeName = Annotated[str, typer.Argument(help="Node, or the end of its name.")]
+NodeName = Annotated[str, typer.Argument(help="Name of the node, or the last part of this name.")]
 ParameterName = Annotated[str, typer.Argument(help="Full name of the parameter.")]
 param = typer.Typer(no_args_is_help=True, help="Parameters of the nodes of a running graph.")
 topic = typer.Typer(no_args_is_help=True, help="Topics of a running graph.")
@@ -30,7 +30,8 @@ topic = typer.Typer(no_args_is_help=True, help="Topics of a running graph.")
 
 def call(
     service: Annotated[
-        str | None, typer.Argument(help="Service, or the end of its name; if omitted, all services are listed.")
+        str | None,
+        typer.Argument(help="Name of the service, or the last part of this name; if omitted, all services are listed."),
     ] = None,
     fields: Annotated[
         list[str] | None, typer.Argument(metavar="[FIELD=VALUE]...", help="Fields of the request.")
@@ -59,7 +60,8 @@ def call(
 @param.command("list")
 def param_list(
     node: Annotated[
-        str | None, typer.Argument(help="Node, or the end of its name; if omitted, the nodes are listed.")
+        str | None,
+        typer.Argument(help="Name of the node, or the last part of this name; if omitted, the nodes are listed."),
     ] = None,
     domain: Domain = None,
 ) -> None:
@@ -122,7 +124,7 @@ def topic_list(domain: Domain = None) -> None:
 
 @topic.command("echo")
 def topic_echo(
-    name: Annotated[str, typer.Argument(help="Topic, or the end of its name.")],
+    name: Annotated[str, typer.Argument(help="Name of the topic, or the last part of this name.")],
     count: Annotated[int, typer.Option("--count", "-n", help="End after this number of messages; 0: no limit.")] = 0,
     seconds: Annotated[float, typer.Option(help="Time after which the command ends, s.")] = float("inf"),
     domain: Domain = None,
@@ -144,7 +146,7 @@ def topic_echo(
 
 @topic.command("hz")
 def topic_hz(
-    name: Annotated[str, typer.Argument(help="Topic, or the end of its name.")],
+    name: Annotated[str, typer.Argument(help="Name of the topic, or the last part of this name.")],
     seconds: Annotated[float, typer.Option(help="Duration of the measurement, s.")] = 5.0,
     domain: Domain = None,
 ) -> None:

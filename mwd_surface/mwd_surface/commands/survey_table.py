@@ -167,7 +167,7 @@ def revision_sentences(records: Sequence[SurveyRecord]) -> list[str]:
         words = [Verdict(one.verdict).word for one in (first, now)]
         if words[0] != words[1] or (move > first.sigma_azimuth and now.verdict == Verdict.ACCEPT):
             lines.append(
-                f"{now.sequence:>4} was {words[0]} at first: {_azimuth(first)}; now {words[1]}: {_azimuth(now)}"
+                f"{now.sequence:>4} was {words[0]} at first, {_azimuth(first)}; it is now {words[1]}, {_azimuth(now)}"
             )
     return lines
 

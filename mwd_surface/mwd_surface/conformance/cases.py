@@ -86,13 +86,15 @@ def _refused(bench: Bench, lease: int, taken: bool, sequence: int = 1) -> tuple[
 # Correct use, renewals of a lease, and its end.
 
 
-@case("a controller that keeps the rules", "control is granted, obeyed and given back")
+@case("a controller obeys all rules", "control is granted, commands are obeyed, control is given back")
 def _honest(bench: Bench) -> tuple[bool, str]:
     lease = bench.turning()
     bench.lives(lease, bench.heartbeat_s + 0.5)
     kept = bench.view().lease == lease
     given = bench.one().release(lease) and bench.ends(lease)
-    return kept and given, f"heartbeats {'kept' if kept else 'lost'} the lease; {'' if given else 'not '}given back"
+    return kept and given, (
+        f"the lease {'lasted' if kept else 'ended'} during heartbeats and was {'' if given else 'not '}given back"
+    )
 
 
 def _renewed(bench: Bench, granted: dict[str, float], more: dict[str, float]) -> tuple[bool, str]:
@@ -106,7 +108,7 @@ def _renewed(bench: Bench, granted: dict[str, float], more: dict[str, float]) ->
 
 
 def _renewal(title: str, granted: dict[str, float], more: dict[str, float]) -> None:
-    @case(f"renewal {title}", "denied, or a person decides")
+    @case(f"a lease is renewed {title}", "denied, or a person decides")
     def renewal(bench: Bench) -> tuple[bool, str]:
         return _renewed(bench, granted, more)
 
@@ -116,7 +118,7 @@ _renewal("for a longer time", {"duration": 20.0}, {"duration": 30.0})
 _renewal("for the longest time, requested as 0", {"duration": 20.0}, {"duration": 0.0})
 
 
-@case("renewal with a wider limit", "denied, or a person decides; the limit holds")
+@case("a lease is renewed with a wider limit", "denied, or a person decides; the old limit stays in force")
 def _renewal_wider(bench: Bench) -> tuple[bool, str]:
     passed, observed = _renewed(bench, {"speed": 1.0}, {"speed": 2.0})
     lease = bench.view().lease
@@ -126,7 +128,7 @@ def _renewal_wider(bench: Bench) -> tuple[bool, str]:
 _renewal("with the limits of the rig, requested as 0", {"speed": 1.0}, {"speed": 0.0})
 
 
-@case("renewal with the conditions granted before", "the same lease is prolonged")
+@case("a lease is renewed with the same conditions", "the same lease is prolonged")
 def _renewal_same(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one(), duration=3.0)
     bench.lives(lease, 1.5)
@@ -137,15 +139,15 @@ def _renewal_same(bench: Bench) -> tuple[bool, str]:
     return passed, f"permission {answer.permission}, lease {answer.lease}; in force 2 s later: {view.lease}"
 
 
-@case("renewal after expiry", "a new lease with a higher number, or none")
+@case("a lease is renewed after it has expired", "a new lease with a higher number, or none")
 def _renewal_late(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one(), duration=1.0)
     bench.lives(lease, 1.5)
     answer = bench.ask(bench.one(), duration=1.0)
-    return answer.lease == 0 or answer.lease > lease, f"lease {lease} ended, answer: lease {answer.lease}"
+    return answer.lease == 0 or answer.lease > lease, f"lease {lease} ended; the answer has lease {answer.lease}"
 
 
-@case("set-point after expiry", "refused")
+@case("a set-point under a lease that has expired", "refused")
 def _late(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one(), duration=1.0)
     bench.send(lease)
@@ -155,7 +157,7 @@ def _late(bench: Bench) -> tuple[bool, str]:
     return not taken and view.lease == 0 and view.mode not in _OBEYS, f"lease {view.lease}, mode {view.mode}"
 
 
-@case("the client that has control requests it under a second name", "denied")
+@case("the client in control requests control under a second name", "denied")
 def _second_name(bench: Bench) -> tuple[bool, str]:
     bench.take(bench.one())
     answer = bench.ask(bench.one(), name="conformance two", priority=200)
@@ -183,45 +185,45 @@ def _sent(sequence: int, point: Point) -> Callable[[Bench, int], bool]:
 
 _TURN = Point(Mode.ORIENT, 0.0, 0.2)
 _misuse(
-    "a turn with a repeated set-point number",
+    "a turn is sent twice with the same number",
     _sent(1, _TURN),
-    "refused; the turn is made once",
+    "the second is refused; the string turns once",
     mode=Mode.ORIENT,
     turn=0.2,
     speed=0.0,
 )
-_misuse("a rotation with a repeated set-point number", _sent(1, Point()))
-_misuse("another set-point with a repeated number", _sent(1, _TURN))
-_misuse("a set-point with a lower number than the last", _sent(3, Point(speed=0.2)), sequence=5)
+_misuse("a rotation is sent twice with the same number", _sent(1, Point()))
+_misuse("a different set-point with the number of the last one", _sent(1, _TURN))
+_misuse("a set-point with a lower number than the last one", _sent(3, Point(speed=0.2)), sequence=5)
 
 
-@case("a set-point with the largest number, then others", "accepted, then refused; control is given back")
+@case("after the largest number, a set-point with number 1", "refused; control can be given back")
 def _overflow(bench: Bench) -> tuple[bool, str]:
     lease = bench.turning(bench.interface.largest)
     passed, observed = _refused(bench, lease, bench.one().send(lease, 1, Point()), bench.interface.largest)
     return passed and bench.one().release(lease), observed
 
 
-@case("set-point numbers under a new lease", "accepted from 1 again")
+@case("the first set-point under a new lease has number 1", "accepted")
 def _new_numbers(bench: Bench) -> tuple[bool, str]:
     first = bench.turning(7)
     bench.one().release(first)
     second = bench.turning()
-    return second > first, f"leases {first}, {second}"
+    return second > first, f"lease {first}, then lease {second}"
 
 
 # Missing and repeated heartbeats.
 
 
-@case("no command from the controller", "the lease ends with the configured reaction")
+@case("the controller falls silent", "the lease ends with the configured reaction")
 def _silence(bench: Bench) -> tuple[bool, str]:
     lease = bench.turning(mode=Mode.ORIENT, turn=0.2, speed=0.0)
     ended = bench.ends(lease)
-    return ended, f"the lease {'ended' if ended else 'goes on'}; mode {bench.view().mode}"
+    return ended, f"the lease {'ended' if ended else 'was kept alive'}; mode {bench.view().mode}"
 
 
 def _no_heartbeat(title: str, send: Callable[[Bench, int], object]) -> None:
-    @case(title, "no heartbeat: the lease ends")
+    @case(title, "they do not count as heartbeats: the lease ends")
     def no_heartbeat(bench: Bench) -> tuple[bool, str]:
         lease = bench.turning()
         end = time.monotonic() + bench.heartbeat_s + 1.5
@@ -232,16 +234,18 @@ def _no_heartbeat(title: str, send: Callable[[Bench, int], object]) -> None:
         return ended, f"the lease {'ended' if ended else 'was kept alive'}"
 
 
-_no_heartbeat("only refused set-points: not a number", _sent(2, Point(speed=math.nan)))
-_no_heartbeat("only refused set-points: beyond a limit", _sent(2, Point(speed=_FAR)))
-_no_heartbeat("only refused set-points: a repeated number", _sent(1, Point()))
-_no_heartbeat("only refused renewals", lambda bench, _lease: bench.ask(bench.one(), priority=250))
+_no_heartbeat("the controller sends only refused set-points (not a number)", _sent(2, Point(speed=math.nan)))
+_no_heartbeat("the controller sends only refused set-points (beyond a limit)", _sent(2, Point(speed=_FAR)))
+_no_heartbeat("the controller sends only refused set-points (an old number)", _sent(1, Point()))
 _no_heartbeat(
-    "heartbeats of another client under the lease", lambda bench, lease: bench.other().send(lease, HEARTBEAT, Point())
+    "the controller sends only renewals that are refused", lambda bench, _lease: bench.ask(bench.one(), priority=250)
+)
+_no_heartbeat(
+    "another client sends heartbeats for the lease", lambda bench, lease: bench.other().send(lease, HEARTBEAT, Point())
 )
 
 
-@case("a set-point that is valid for 0.4 s, without a heartbeat", "the string is held; the lease stays")
+@case("a set-point that is valid for 0.4 s, and no later one", "the string is held; the lease stays")
 def _validity(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     bench.one().send(lease, 1, Point(valid_for=0.4))
@@ -258,7 +262,7 @@ def _valid_for_ever(bench: Bench) -> tuple[bool, str]:
 # Two controllers.
 
 
-@case("a second controller of the same priority", "denied")
+@case("a second controller with the same priority requests control", "denied")
 def _tie(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     answer = bench.ask(bench.other(), name="conformance two")
@@ -267,14 +271,17 @@ def _tie(bench: Bench) -> tuple[bool, str]:
     return passed, f"permission {answer.permission}, lease {view.lease}"
 
 
-@case("a second controller of a lower priority", "denied")
+@case("a second controller with a lower priority requests control", "denied")
 def _lower(bench: Bench) -> tuple[bool, str]:
     bench.take(bench.one())
     answer = bench.ask(bench.other(), name="conformance two", priority=4)
     return answer.permission == Permission.DENIED, f"permission {answer.permission}"
 
 
-@case("a second controller of a higher priority", "it takes over, or a person decides; then the first is refused")
+@case(
+    "a second controller with a higher priority requests control",
+    "the second takes over, or a person decides; then set-points of the first are refused",
+)
 def _higher(bench: Bench) -> tuple[bool, str]:
     first = bench.take(bench.one())
     second = bench.take(bench.other(), name="conformance two", priority=9)
@@ -284,11 +291,11 @@ def _higher(bench: Bench) -> tuple[bool, str]:
 
 
 _misuse(
-    "another client commands with the lease number that it has read",
+    "another client sends a set-point with the lease number of the controller in control",
     lambda bench, _lease: bench.other().send(bench.view().lease, 2, Point(speed=0.9)),
 )
 _misuse(
-    "another client releases the lease whose number it has read",
+    "another client gives back the lease of the controller in control",
     lambda bench, _lease: bench.other().release(bench.view().lease),
 )
 
@@ -319,10 +326,10 @@ def _at_once(bench: Bench) -> tuple[bool, str]:
         answers = [one.result() for one in asked]
     granted = sum(answer.permission == Permission.GRANTED for answer in answers)
     waiting = {answer.lease for answer in answers if answer.permission == Permission.PENDING}
-    return granted + len(waiting) == 1, f"{granted} granted, {len(waiting)} wait"
+    return granted + len(waiting) == 1, f"{granted} requests granted, {len(waiting)} waiting"
 
 
-@case("the controller in control and another client send at once", "only the first is obeyed")
+@case("two clients send set-points under one lease at the same time", "only the owner of the lease is obeyed")
 def _both(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
@@ -358,9 +365,9 @@ for _title, _point in (
     ("a set-point that is valid for 0 s", Point(valid_for=0.0)),
     ("a set-point that is valid for a negative time", Point(valid_for=-5.0)),
     ("a validity that is not a number", Point(valid_for=math.nan)),
-    ("a set-point that is valid for ever", Point(valid_for=math.inf)),
+    ("a set-point that is valid for an infinite time", Point(valid_for=math.inf)),
 ):
-    _misuse(_title, _sent(2, _point), "refused; the set-point before stays in force")
+    _misuse(_title, _sent(2, _point), "refused; the previous set-point stays in force")
 
 
 # Leases that are not in force.
@@ -392,7 +399,7 @@ def _lease_old(bench: Bench) -> tuple[bool, str]:
     return _not_in_force(bench, lease)
 
 
-@case("a set-point under the lease before the present one", "refused")
+@case("a set-point under the previous lease", "refused")
 def _lease_before(bench: Bench) -> tuple[bool, str]:
     before = bench.take(bench.one())
     bench.one().release(before)
@@ -400,7 +407,7 @@ def _lease_before(bench: Bench) -> tuple[bool, str]:
     return _refused(bench, lease, bench.one().send(before, 2, Point()))
 
 
-@case("a lease given back twice", "the second time refused")
+@case("a lease is given back twice", "the second time is refused")
 def _released_twice(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one())
     done = [bench.one().release(lease), bench.one().release(lease)]
@@ -422,13 +429,13 @@ _denied("a request with a name of 101 characters", name="x" * 101)
 _denied("a request with control characters in its name", name="x\n[driller] took control back")
 _denied("a request for a negative time", duration=-1.0)
 _denied("a request for a time that is not a number", duration=math.nan)
-_denied("a request for ever", duration=math.inf)
+_denied("a request for an infinite time", duration=math.inf)
 _denied("a request with a limit below zero", speed=-1.0)
 _denied("a request with a limit that is not a number", speed=math.nan)
 _denied("a request with a priority above 255", priority=256)
 
 
-@case("a request for more left-hand rotation than the rig allows", "no left-hand rotation")
+@case("left-hand rotation beyond the limit of the rig is requested and commanded", "the command is refused")
 def _asks_left(bench: Bench) -> tuple[bool, str]:
     lease = bench.take(bench.one(), left_speed=_FAR)
     taken = bench.one().send(lease, 1, Point(speed=-100.0))
@@ -439,7 +446,7 @@ def _asks_left(bench: Bench) -> tuple[bool, str]:
 
 
 def _abort(title: str, before: Callable[[Bench], object]) -> None:
-    @case(f"abort: {title}", "the driller controls top drive and pumps")
+    @case(f"a person takes control back {title}", "the driller controls top drive and pumps")
     def abort(bench: Bench) -> tuple[bool, str]:
         before(bench)
         done = bench.person.abort()
@@ -447,7 +454,7 @@ def _abort(title: str, before: Callable[[Bench], object]) -> None:
         time.sleep(0.5)  # a waiting request must not be granted in this time
         view = bench.view()
         passed = done and (view.lease, view.mode, view.pending) == (0, Mode.RELEASE, 0)
-        return passed, f"lease {view.lease}, mode {view.mode}, waits {view.pending}"
+        return passed, f"lease {view.lease}, mode {view.mode}, waiting request {view.pending}"
 
 
 def _fault(bench: Bench) -> None:
@@ -460,23 +467,23 @@ def _one_waits(bench: Bench) -> None:
     bench.ask(bench.other(), name="conformance two", wait=True)
 
 
-_abort("nobody has control", lambda _bench: None)
-_abort("a controller has control", lambda bench: bench.take(bench.one()))
-_abort("a controller rotates", Bench.turning)
-_abort("a controller turns", lambda bench: bench.turning(mode=Mode.ORIENT, turn=0.2, speed=0.0))
-_abort("a controller pumps", lambda bench: bench.turning(mode=Mode.PUMP, flow=0.01, speed=0.0))
-_abort("a dead controller left the string held", _fault)
-_abort("another controller waits", _one_waits)
+_abort("while nobody has control", lambda _bench: None)
+_abort("while a controller has control", lambda bench: bench.take(bench.one()))
+_abort("while a controller rotates", Bench.turning)
+_abort("while a controller turns", lambda bench: bench.turning(mode=Mode.ORIENT, turn=0.2, speed=0.0))
+_abort("while a controller pumps", lambda bench: bench.turning(mode=Mode.PUMP, flow=0.01, speed=0.0))
+_abort("after the lease of a silent controller has ended", _fault)
+_abort("while another controller waits", _one_waits)
 
 
-@case("abort without a name", "control is taken back")
+@case("a person takes control back without giving a name", "control is taken back")
 def _abort_nameless(bench: Bench) -> tuple[bool, str]:
     bench.turning()
     done = bench.person.abort("")
     return done and bench.until(lambda: bench.interface.view().lease == 0), f"lease {bench.view().lease}"
 
 
-@case("a set-point after an abort", "refused")
+@case("a set-point after a person has taken control back", "refused")
 def _after_abort(bench: Bench) -> tuple[bool, str]:
     lease = bench.turning()
     bench.person.abort()

@@ -66,7 +66,7 @@ class ModbusConformance:
         if not name:
             return 0
         if len(name) > 100 or not name.isprintable():
-            raise NotPossibleError("Modbus controllers have a number instead of a name")
+            raise NotPossibleError("a controller over Modbus has a number instead of a name")
         return self._numbers.setdefault(name, 7001 + len(self._numbers))
 
     def view(self) -> View:
@@ -78,9 +78,9 @@ class ModbusConformance:
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
         """Return the test cases that only this interface has."""
         return [
-            ("a part of a block", "exception; the set-point before stays in force", self._part),
-            ("a single register", "exception; the set-point before stays in force", self._single),
-            ("a new connection of the same client", "refused: another client", self._again),
+            ("a set-point is written in part", "exception; the previous set-point stays in force", self._part),
+            ("only one register is written", "exception; the previous set-point stays in force", self._single),
+            ("a set-point of the owner over a new connection", "refused: it counts as another client", self._again),
         ]
 
     def _part(self, bench: Bench) -> tuple[bool, str]:
@@ -129,9 +129,9 @@ class ModbusPeer:
             The server answers the request of another controller.
         """
         if wish.wait or wish.speed or wish.left_speed:
-            raise NotPossibleError("a request has no such field")
+            raise NotPossibleError("a request over Modbus has no such field")
         if not (math.isfinite(wish.duration) and 0.0 <= wish.duration <= 0xFFFF):
-            raise NotPossibleError("a duration is a whole number of seconds")
+            raise NotPossibleError("a duration over Modbus is a whole number of seconds, at most 65535")
         number = self._interface.number_of(wish.name)
         if not self.write(_REQUEST, (_ASK, number, wish.priority, int(wish.duration))):
             return ControlAnswer(0, 0, "exception")
@@ -166,7 +166,7 @@ def block(lease: int, sequence: int, point: Point) -> list[int]:
     bit.
     """
     if not 0 <= point.mode <= 0xFFFF:
-        raise NotPossibleError("a mode is a register")
+        raise NotPossibleError("a mode over Modbus is a number of 16 bit")
     values = (point.speed / _RPM, point.turn / _DEGREE, point.flow / _LITRE_PER_MINUTE, point.valid_for)
     floats = [v if not math.isfinite(v) else max(-_LARGEST, min(_LARGEST, v)) for v in values]
     words = struct.unpack(">8H", struct.pack(">4f", *floats))

@@ -58,9 +58,9 @@ class OpcuaConformance:
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
         """Return the cases of wrong use that only OPC UA allows: title, expected result and function."""
         return [
-            ("a variable of control is written", "refused by the server", self._write),
-            ("a method with an argument missing", "refused by the server", self._missing),
-            ("a new session with the same certificate", "refused: another client", self._again),
+            ("a client writes a variable of the control state", "refused by the server", self._write),
+            ("a method is called without one of its arguments", "refused by the server", self._missing),
+            ("a set-point of the owner in a new session", "refused: it counts as another client", self._again),
         ]
 
     def _write(self, bench: Bench) -> tuple[bool, str]:
@@ -168,9 +168,9 @@ class OpcuaPeer:
         for these.
         """
         if wish.speed or wish.left_speed:
-            raise NotPossibleError("a request has no such argument")
+            raise NotPossibleError("a request over OPC UA has no such argument")
         if not 0 <= wish.priority <= 255:
-            raise NotPossibleError("a priority is a byte")
+            raise NotPossibleError("a priority over OPC UA is at most 255")
         message, permission, lease = self.call(
             "request_control",
             wish.name,

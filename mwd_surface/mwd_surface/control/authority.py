@@ -339,8 +339,8 @@ class ControlAuthority:
         if self._end(request, now) > self._end(owner.request, now):
             beyond.append("duration")
         if beyond:
-            text = "a lease can only be prolonged as it was granted; to get more, give it back and ask again"
-            return _denied(f"{', '.join(beyond)}: more than was granted: {text}")
+            text = "a lease can only be prolonged as it was granted; to get more, give the lease back and ask again"
+            return _denied(f"{', '.join(beyond)}: the request is for more than the lease grants: {text}")
         owner.heard, owner.ends = now, max(owner.ends, self._end(request, now))
         return ControlDecision(Permission.GRANTED, owner.number, "renewed within the limits of the lease")
 
@@ -391,7 +391,8 @@ class ControlAuthority:
             if pending is None:
                 return False, "no request waits"
             if number != pending.number and (number or judgement == ControlJudgement.GRANT):
-                which = f"request {number} is no longer waiting" if number else "number: must be that of the request"
+                missing = "number: must be the number of the waiting request"
+                which = f"request {number} is no longer waiting" if number else missing
                 return False, f"{which}; request {pending.number} of {pending.name} waits"
             self._pending = None
             if judgement == ControlJudgement.GRANT:

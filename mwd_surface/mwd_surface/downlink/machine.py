@@ -166,7 +166,7 @@ def _outside(
         )
     if not running and value < downlink.least_value:
         least = words(downlink.least_value, downlink)
-        found.append(f"{medium} {words(value, downlink)} is too low: the tool accepts commands from {least} on")
+        found.append(f"{medium} {words(value, downlink)} is too low: the tool accepts commands only at {least} or more")
     return found
 
 
@@ -311,7 +311,7 @@ class Machine:
             Another downlink is under way, no person is named, or the tool has no such command or value.
         """
         if self.state not in ENDED | {DownlinkState.IDLE, DownlinkState.DRAFT}:
-            raise ValueError(f"a downlink is {self.state.name.lower()}: one at a time; abort it first")
+            raise ValueError(f"a downlink is {self.state.name.lower()} already, and only one can run: abort it first")
         if not by.strip():
             raise ValueError("operator_name: must not be empty: the journal records who asked")
         number, argument = tool_commands.command(self.tool, name, value)
@@ -361,7 +361,8 @@ class Machine:
             raise ValueError("operator_name: must not be empty: permission is given by a named person")
         self.decided_by = by.strip()
         if granted:
-            return self._go(DownlinkState.GRANTED, "granted: it starts when all interlocks hold", self.decided_by, now)
+            text = "granted: the command starts as soon as all interlocks allow it"
+            return self._go(DownlinkState.GRANTED, text, self.decided_by, now)
         return self._go(DownlinkState.DENIED, "denied", self.decided_by, now)
 
     def abort(self, reason: str, by: str, now: float) -> str:
@@ -483,7 +484,8 @@ class Machine:
                 self._go(DownlinkState.GRANTED, self.blocked_by[0], "", now)
             return
         if self.state == DownlinkState.GRANTED:
-            self._go(DownlinkState.ARMED, "all interlocks hold: waiting for a steady flow or rotary speed", "", now)
+            text = "all interlocks allow the command: waiting for a steady flow or rotary speed"
+            self._go(DownlinkState.ARMED, text, "", now)
         self._steady.append((now, value))
         values = [one for _, one in self._steady]
         if max(values) - min(values) > _STEADY * max(values):
@@ -548,7 +550,7 @@ class Machine:
 
     def _require_number(self, number: int) -> None:
         if number != self.number:
-            which = f"request {number} was replaced" if number else "number: must be that of the request"
+            which = f"request {number} was replaced" if number else "number: must be the number of the present request"
             raise ValueError(f"{which}; the present request is {self.number}: {self.about}")
 
     def _go(self, after: DownlinkState, reason: str, by: str, now: float) -> str:

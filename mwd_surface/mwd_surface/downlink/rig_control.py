@@ -36,7 +36,7 @@ class RigControl:
         """
         status = self._authority.status(now)
         if not status.enabled:
-            return "the rig does not take set-points: set control.enabled once it does"
+            return "the rig does not accept set-points: set control.enabled when the rig can accept them"
         if self.has and status.lease != self._lease:
             return f"control was taken away: {status.reason or status.owner}"
         if not self.has and status.owner and status.priority >= _PRIORITY:

@@ -43,7 +43,7 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     Parameters
     ----------
     table : SurveyTable
-        Survey to write. Stations that are not deeper than the station before are omitted, and a comment says why.
+        Survey to write. Stations that are not deeper than the previous station are omitted, and a comment says why.
     uid : str
         Uid of the trajectory; if empty, it is made from the names of the well.
     """
@@ -99,7 +99,7 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
 
 
 def _increasing(table: SurveyTable) -> tuple[list[int], list[str]]:
-    """Return the indices of stations with a larger printed depth than the station before, and remarks on the others."""
+    """Return the indices of the stations that are printed deeper than the previous one, and remarks on the others."""
     md = table.column("md_m")
     rows: list[int] = []
     why = []

@@ -2,7 +2,7 @@
 """
 Recording as a table with one row per second: depth, rig data and attitude with sigmas, in display units.
 
-The row of a whole second has the last known value of each quantity with a stamp in the second before. Unknown values
+The row of a whole second has the last known value of each quantity with a stamp in the preceding second. Unknown values
 are empty; a second without any value has no row. Memory is constant for any length of the recording.
 """
 

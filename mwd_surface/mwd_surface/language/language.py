@@ -113,7 +113,7 @@ class _Template(NamedTuple):
 
 
 class _Translation(NamedTuple):
-    """Translation of a text."""
+    """Translation of one English text."""
 
     text: str
     unknown: int  #: letters without a translation

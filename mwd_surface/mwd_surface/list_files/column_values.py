@@ -38,7 +38,7 @@ class ColumnValues:
     Parameters
     ----------
     table, head, given
-        As read from the file, and the statements of the caller.
+        Table and head of the file, and the statements of the caller (`given`).
     rows
         Rows of the table that may be stations.
     of
@@ -258,14 +258,14 @@ class ColumnValues:
         said = {one.unit for found in self.of.values() for one in found if one.unit in list_columns.LENGTH_UNITS}
         if len({list_columns.LENGTH_UNITS[unit] for unit in said}) == 1:
             unit = said.pop()
-            self._assumed_unit(unit, "as other lengths of the list")
+            self._assumed_unit(unit, "like the other lengths of the list")
             return unit
         hint = self.head.hinted_unit or self.head.map_unit
         if hint:
             what = "the elevation of the depth datum" if self.head.hinted_unit else "the coordinates"
-            self._assumed_unit(hint, f"as {what} in its head")
+            self._assumed_unit(hint, f"like {what} in its head")
         return hint
 
     def _assumed_unit(self, unit: str, why: str) -> None:
-        text = f"{self.name}: a length without unit is taken in {unit}, {why}"
+        text = f"{self.name}: a length without unit is read in {unit}, {why}"
         self._say(RemarkKind.UNIT_ASSUMED, text)

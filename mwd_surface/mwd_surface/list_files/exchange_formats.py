@@ -207,7 +207,7 @@ def p7_table(text: str, name: str) -> Table:
                 cells = tuple(fields[_FIRST : _FIRST + len(_NAMES)])
                 rows.append(Row(f"{name}, line {number}", cells))
     if not rows:
-        raise ListFileError(f"{name}: a P7/17 file without P7 records; it has no stations")
+        raise ListFileError(f"{name}: the P7/17 file has no P7 records, so it has no stations")
     if len(units) > 1 or len(norths) > 1:
         words = " and ".join(sorted(units if len(units) > 1 else norths))
         raise ListFileError(f"{name}: its surveys are in {words}; write one file for each")
@@ -215,7 +215,7 @@ def p7_table(text: str, name: str) -> Table:
     north = norths.pop() if norths else ""
     remarks = []
     if left_out:
-        said = f"{name}: {left_out} P7 records that are projections or of other tables are left out"
+        said = f"{name}: {left_out} P7 records are left out: they are projections or belong to other tables"
         remarks.append(Remark(RemarkKind.ROWS_LEFT_OUT, said, {"rows": float(left_out)}))
     columns = (unit, "deg", "deg", unit, unit, unit, chart or unit, chart or unit)
     head = [f"azimuth reference: {north}"] if north else []
@@ -259,7 +259,7 @@ def witsml_table(text: str, name: str) -> Table:
     trajectories = [one for one in root.iter() if _tag(one) == "trajectory" and _children(one, "trajectorystation")]
     if not trajectories:
         empty = any(_tag(one) == "trajectory" for one in root.iter())
-        what = "a WITSML trajectory without stations" if empty else "no trajectory of WITSML 1.3, 1.4, 2.0 or 2.1 in it"
+        what = "the trajectory has no stations" if empty else "there is no trajectory of WITSML 1.3, 1.4, 2.0 or 2.1"
         raise ListFileError(f"{name}, line {root.sourceline}: {what}")
     trajectory = trajectories[0]
     remarks = []
@@ -326,7 +326,7 @@ def _measure(station: Any, what: str, tag: str, at: str) -> Cell:
     found = _children(station, tag)
     if not found:
         if what in ("md", "inclination"):
-            raise ListFileError(f"{at}: a station without {tag}")
+            raise ListFileError(f"{at}: the station has no {tag}")
         return ""
     # Version 2.1 wraps depths in an element that names their datum.
     element = next((one for one in found[0].iter() if (one.text or "").strip()), found[0])

@@ -183,8 +183,8 @@ def _check_units(name: str, columns: tuple[Array, Array, Array], positions: Arra
         other = _sideways(misfit((md * factor, inc, azi), positions))
         if other < _CLEARLY * apart:
             raise ListFileError(
-                f"{name}: north and east are up to {apart:.2f} m from where the angles lead, and {other:.2f} m with"
-                f" {words}; write the unit into the name of each column, such as MD (ft) and X (m)"
+                f"{name}: north and east are up to {apart:.2f} m from the positions that the angles give, but only"
+                f" {other:.2f} m with {words}; write the unit into the name of each column, such as MD (ft) and X (m)"
             )
 
 
@@ -229,7 +229,7 @@ def _cause(columns: tuple[Array, Array, Array], positions: Array) -> str:
     # For each mistake: its name for the message, and the angles and positions without the mistake.
     ways = (
         (dips, (md, right - inc, azi), positions),
-        (f"{dips}; positive ones point up", (md, right + inc, azi), positions),
+        (f"{dips}; positive dips point up", (md, right + inc, azi), positions),
         ("the angles are in radians: --angle-unit rad", (md, inc * degrees, azi * degrees), positions),
         ("the inclinations are in radians: give them a unit", (md, inc * degrees, azi), positions),
         ("the angles are in grads: --angle-unit grad", (md, inc * 0.9, azi * 0.9), positions),

@@ -206,7 +206,7 @@ class _ListReader:
     Parameters
     ----------
     table, columns, head, given
-        As read from the file; `given` replaces statements of the file.
+        Table, columns and head of the file; `given` replaces statements of the file.
     provenance
         Data of the original list, if the table is an export of this program.
     """
@@ -332,7 +332,7 @@ class _ListReader:
         if not found:
             if unused:
                 raise ListFileError(f"{self.name}: none of its {unused} surveys is in use")
-            raise ListFileError(f"{self.name}: no station in it")
+            raise ListFileError(f"{self.name}: the list has no station")
         if angle == "dip":
             found = self._from_horizontal(found)
         return self._increasing(self._downwards(self._of_one_leg(found)))
@@ -638,7 +638,7 @@ class _ListReader:
 
     def _horizontal(self, md: Array, column: Callable[[str], Array]) -> tuple[Array, Array]:
         """
-        Return north and east from the wellhead, m, shape (n,) each; nan without columns of both.
+        Return north and east from the wellhead, m, shape (n,) each; nan if one of the two columns is missing.
 
         The wellhead is subtracted from map coordinates. Raises ListFileError if the wellhead is needed but unknown, or
         if offsets and map coordinates in the list contradict each other.

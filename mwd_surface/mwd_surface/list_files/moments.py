@@ -47,7 +47,7 @@ def midnights(clock: Array, last: float = math.nan) -> Array:
     """
     Return the number of midnights between the first clock time and each clock time.
 
-    A fall by more than half a day is a midnight; a rise by nearly a day is a late row of the day before.
+    A fall by more than half a day is a midnight; a rise by nearly a day is a late row of the previous day.
 
     Parameters
     ----------

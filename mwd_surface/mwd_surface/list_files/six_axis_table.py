@@ -254,7 +254,7 @@ def _depth(
         bit = _match(names, _BIT)
         if bit:
             factors[bit] = _factor(table, bit, _BIT, assumed)
-            assumed.append(f"{bit}: taken as the depth of the survey, because the table has no other depth")
+            assumed.append(f"{bit}: used as the depth of the survey, because the table has no other depth")
         return bit
     # A column that states its unit comes first.
     found.sort(key=lambda one: not one.unit)
@@ -272,7 +272,7 @@ def _depth(
     name = names[found[0].number]
     factors[name] = LENGTH_UNITS.get(found[0].unit, 1.0)
     if not found[0].unit:
-        assumed.append(f"{name}: taken as m")
+        assumed.append(f"{name}: read as m")
     return name
 
 
@@ -314,7 +314,7 @@ def _triad_factors(
     if any(given):
         raise ValueError(f"{', '.join(three)}: give all three axes a unit, or none")
     factor, words = _guess(table, three, kind)
-    assumed.append(f"{', '.join(three)}: taken as {words} by their size")
+    assumed.append(f"{', '.join(three)}: read as {words}, because of the size of the values")
     return dict.fromkeys(three, factor)
 
 
@@ -399,7 +399,9 @@ def _guess(table: Mapping[str, Sequence[Any]], three: Sequence[str], kind: str) 
     for factor, words, low, high in ranges[kind]:
         if low <= total <= high:
             return factor, words
-    raise ValueError(f"{', '.join(three)}: unit unknown and a total of {total:g} fits none: put the unit in the name")
+    raise ValueError(
+        f"{', '.join(three)}: no unit is named, and the total of {total:g} fits none: write the unit into the names"
+    )
 
 
 def _factor(table: Mapping[str, Sequence[Any]], name: str, quantity: _Quantity, assumed: list[str]) -> float:
@@ -411,7 +413,7 @@ def _factor(table: Mapping[str, Sequence[Any]], name: str, quantity: _Quantity, 
         factor, words = _guess(table, (name,), kind)
     else:
         words, factor = ("deg", ANGLE_UNITS["deg"]) if quantity.units is ANGLE_UNITS else ("m", 1.0)
-    assumed.append(f"{name}: taken as {words}")
+    assumed.append(f"{name}: read as {words}")
     return factor
 
 

@@ -57,7 +57,7 @@ Header = Callable[[Sequence[str]], int]
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """Rows under named columns."""
+    """Table of a file: rows of cells under named columns."""
 
     name: str  #: name of the file
     at: str  #: place of the column names

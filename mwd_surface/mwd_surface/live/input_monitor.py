@@ -174,7 +174,7 @@ class BlockTrack:
 
     def _moved(self, depth: float, reading: tuple[int, float, bool]) -> float | None:
         """
-        Return the depth at a reading, from the depth at the reading before.
+        Return the depth at a reading, from the depth at the previous reading.
 
         The result is None if the movement of the block between the two readings is unknown.
         """

@@ -31,7 +31,7 @@ class LogMonitor:
     Parameters
     ----------
     source : str
-        Link whose samples are used, as in the setting `link.source`.
+        Name of the link whose samples are used, as in the setting `link.source`.
     """
 
     def __init__(self, context: WellContext, book: SurveyBook, source: str = DIRECT) -> None:

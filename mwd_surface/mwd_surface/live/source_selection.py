@@ -24,7 +24,7 @@ class SourceRules:
     )
     silent_after: float = setting(
         5.0,
-        "Time without data after which the next source replaces this one. Raise it for a source that sends less "
+        "Time without data after which the next source of the list is used. Raise it for a source that sends less "
         "often; the change of source is then later.",
         unit="s",
         low=0.5,

@@ -130,7 +130,7 @@ class SurveyBook:
         try:
             self.replace(self.surveys.add(survey, at.measured_depth, at.depth_age, comment=at.reason))
         except ValueError as error:
-            text = f"survey {survey.sequence} not taken: {error}"
+            text = f"survey {survey.sequence} was not added to the list: {error}"
             self._alarm_log.raise_alarm("survey.refused", Severity.WARNING, text)
             return text
         record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
@@ -158,7 +158,7 @@ class SurveyBook:
         try:
             surveys = self.surveys.revise(survey)
         except ValueError as error:
-            self._alarm_log.log_event("survey", f"revision of survey {survey.sequence} not taken: {error}")
+            self._alarm_log.log_event("survey", f"the revision of survey {survey.sequence} is not used: {error}")
             return
         if surveys is self.surveys:
             return

@@ -111,7 +111,7 @@ class _Sums:
 
     def add(self, index: int, sample: LogSample, share: float) -> Samples:
         """
-        Add a sample to a step; return the sums of the step before, for `restore`.
+        Add a sample to a step; return the sums that the step had before, for `restore`.
 
         share: part of the sample in this step, 0 to 1. Call this once for each step of a sample.
         """
@@ -313,7 +313,7 @@ class DepthLog:
         if math.isnan(bit_depth):
             return
         if not -_FARTHEST_M <= bit_depth <= DEEPEST_M:
-            self._refuse(f"bit depth outside {-_FARTHEST_M:.0f} to {DEEPEST_M:.0f} m")
+            self._refuse(f"the bit depth is outside {-_FARTHEST_M:.0f} to {DEEPEST_M:.0f} m")
             return
         if self._stamps and self._stamps[-1] - stamp_ns >= _DEPTHS_NS:
             at = bisect.bisect_left(self._stamps, stamp_ns)
@@ -385,13 +385,13 @@ class DepthLog:
     def _fault(self, sample: LogSample) -> str:
         """Return why a sample, which may come from any program, exceeds the limits of a log; empty if it does not."""
         if not is_channel_name(sample.channel):
-            return "name of the channel is not letters, digits and underscores"
+            return "the name of the channel does not consist of letters, digits and underscores"
         if sample.channel not in self._units and len(self._units) >= _MOST_CHANNELS:
-            return f"more than {_MOST_CHANNELS} channels"
+            return f"there are more than {_MOST_CHANNELS} channels"
         if _UNIT.fullmatch(sample.unit) is None:
-            return "unit is not a symbol of at most 16 characters"
+            return "the unit is not a symbol of at most 16 characters"
         if self._units.get(sample.channel, sample.unit) != sample.unit:
-            return "unit differs from that of the first sample of the channel"
+            return "the unit differs from the unit of the first sample of the channel"
         return next((reason for reason, kept in _LIMITS.items() if not kept(sample)), "")
 
     def advance(self) -> None:
@@ -633,17 +633,17 @@ def _even(sample: LogSample) -> bool:
 
 # Checks of a sample; the key is the reason for refusing a sample that fails the check.
 _LIMITS: dict[str, Callable[[LogSample], bool]] = {
-    f"distance of the sensor from the bit outside 0 to {_FARTHEST_M:.0f} m": lambda one: _within(
+    f"the distance from sensor to bit is outside 0 to {_FARTHEST_M:.0f} m": lambda one: _within(
         one.sensor_to_bit, 0.0, _FARTHEST_M
     ),
-    f"interval or time of measurement outside 0 to {_LONGEST_S:.0f} s": lambda one: (
+    f"the interval or time of measurement is outside 0 to {_LONGEST_S:.0f} s": lambda one: (
         0.0 <= one.span <= _LONGEST_S
         and 0.0 <= one.duration <= _LONGEST_S
         and all(0.0 <= seconds <= _LONGEST_S for seconds in one.sector_durations)
     ),
-    f"numbers of sectors differ, or are above {_MOST_SECTORS}": _even,
-    f"value above {_LARGEST:g}, which no sensor measures": lambda one: all(map(_small, (one.value, *one.sectors))),
-    f"sigma or counts negative, or above {_LARGEST:g}": lambda one: all(
+    f"the numbers of sectors differ, or are above {_MOST_SECTORS}": _even,
+    f"a value is above {_LARGEST:g}, which no sensor measures": lambda one: all(map(_small, (one.value, *one.sectors))),
+    f"a sigma or count is negative, or above {_LARGEST:g}": lambda one: all(
         _within(number, 0.0, _LARGEST) for number in (one.sigma, one.counts, *one.sigma_sectors)
     ),
 }

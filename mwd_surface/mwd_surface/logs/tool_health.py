@@ -349,12 +349,12 @@ class HealthLedger:
             return None
         item, assumed = self.battery, []
         if self._limits.battery is None:
-            assumed.append("the tool file states no battery: capacity and currents of a usual kit")
+            assumed.append("the tool file states no battery, so a usual capacity and usual currents are used")
         temperature = self._temperature
         share = item.share(temperature)
         spread = 0.0
         if "temperature" not in self._series:
-            assumed.append(f"the temperature is not known: {_ROOM_C:.0f} degC")
+            assumed.append(f"the temperature is not known, so {_ROOM_C:.0f} degC is used")
             shares = [row[1] for row in item.by_temperature]
             spread = (max(shares) - min(shares)) / math.sqrt(12.0)
         charge, scale = self._counted, item.counter_sigma
@@ -362,25 +362,25 @@ class HealthLedger:
             charge, scale = self._by_duty, item.current_sigma
             if self._flow is None:
                 assumed.append(
-                    "neither the charge nor the flow is known: the pumps are assumed to run since the first sample"
+                    "neither the charge nor the flow is known, so the pumps count as on since the first sample"
                 )
                 charge = _Charge(item)
                 charge.use(item.active_a * (0.0 if math.isnan(since_s) else since_s), since_s, temperature)
             silent = self._silence
             if silent.seconds:
                 assumed.append(
-                    f"the rig sent no flow data for {silent.seconds / _HOUR_S:.1f} h: pumps assumed on for"
-                    f" {silent.active_s / _HOUR_S:.1f} h of it"
+                    f"the rig sent no flow data for {silent.seconds / _HOUR_S:.1f} h, of which"
+                    f" {silent.active_s / _HOUR_S:.1f} h count as pumps on"
                 )
             idle_s = silent.seconds - silent.active_s
             charge = charge.after(item.used_ah * _HOUR_S)
             charge.use(item.active_a * silent.active_s + item.idle_a * idle_s, 0.0, temperature)
-            assumed.append("the tool does not count its charge: currents by duty")
+            assumed.append("the tool does not count its charge, so its charge is estimated from the currents")
         full = item.capacity_ah * _HOUR_S
         known = charge.seconds >= _LEAST_COUNTED_S
         current = charge.in_run / charge.seconds if known else item.active_a
         if not known:
-            assumed.append("the run is short: pumps always on")
+            assumed.append("the run is short, so the pumps count as always on")
         left = max(0.0, full * share * (1.0 - charge.used))
         sigma_used = scale * charge.total
         # The charge left is the capacity minus the used charge, so the error of the whole capacity counts.

@@ -127,7 +127,8 @@ class ControlServer:
             self.authority.refused += 1
             taken, why = False, str(error)
         if not taken:
-            self._node.get_logger().warning(printable(f"control/command not taken: {why}"), throttle_duration_sec=5.0)
+            text = f"a message on control/command was refused: {why}"
+            self._node.get_logger().warning(printable(text), throttle_duration_sec=5.0)
 
     def _on_acknowledge(self, data: bytes) -> None:
         answer = deserialize_message(data, msg.RigAcknowledge)

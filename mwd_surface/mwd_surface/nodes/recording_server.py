@@ -161,7 +161,7 @@ class RecordingServer:
         return path
 
     def deactivate(self) -> None:
-        """Attach the files to the recording and finish it, if one runs; a failure is only logged."""
+        """If a recording runs, attach the files to it and finish it; a failure is only logged."""
         self._wanted = False
         if self._recorder.status().state == RecorderState.STOPPED:
             return

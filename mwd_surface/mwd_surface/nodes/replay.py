@@ -299,7 +299,8 @@ class ReplayNode(GraphNode[ReplaySettings]):
         """Return a diagnostic of the progress and, once the replay runs, one of the topics that are not published."""
         values: tuple[tuple[str, str], ...] = (("messages", str(self._published)), ("round", str(self._rounds)))
         if self._pace is None:
-            message = "over; subscribers acknowledge the last messages" if self._over else "waiting for a listener"
+            over = "over; waiting until subscribers have acknowledged the last messages"
+            message = over if self._over else "waiting for a listener"
             return (Diagnostic("replay", OK, message, values=(*values, wire.OVER) if self._over else values),)
         now = time.monotonic()
         if self._bag is not None:

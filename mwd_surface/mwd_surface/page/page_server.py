@@ -527,7 +527,7 @@ def replay_handler(on_replay: OnReplay, timeout_s: float) -> Callable[[web.Reque
 
 def _checked(given: dict[str, Any]) -> dict[str, float | bool]:
     if not set(given) <= {"playing", "rate", "seek"}:
-        raise web.HTTPBadRequest(text="expected a table of playing, rate and seek")
+        raise web.HTTPBadRequest(text="expected a JSON object with playing, rate and seek")
     if not isinstance(given.get("playing", True), bool):
         raise web.HTTPBadRequest(text="playing: expected true or false")
     for name, low, high in (("rate", 0.01, _FASTEST), ("seek", 0.0, _LONGEST_S)):
@@ -635,7 +635,7 @@ class QuietPeer(asyncio.Protocol):
         return bool(self._inner.eof_received())
 
     def connection_lost(self, error: Exception | None) -> None:
-        """Pass on that the connection is closed."""
+        """Tell the web server that the connection is closed."""
         self._inner.connection_lost(error)
 
     def pause_writing(self) -> None:

@@ -621,7 +621,7 @@ class ImuQueue:
 
     @property
     def waiting(self) -> bool:
-        """Whether any sample waits."""
+        """Whether any sample has not been processed yet."""
         return bool(self._old or self._new)
 
     @property

@@ -88,7 +88,7 @@ class Rests:
         Judge half a second.
 
         mean, noise, shape (6,) : mean and standard deviation of rate, rad/s, and specific force, m/s2.
-        follows : whether the half second has enough samples and directly follows the half second before.
+        follows : whether the half second has enough samples and directly follows the previous half second.
         """
         limit, speed = MAX_RATE * self._settings.motion, float(np.linalg.norm(mean[:3]))
         quiet = follows and bool(noise[3:].max() <= MAX_FORCE_NOISE * self._settings.motion) and math.isfinite(speed)

@@ -293,7 +293,7 @@ class _Format:
                 ) from error
 
     def samples(self, lines: list[str]) -> tuple[Array | None, Array]:
-        """Return times since the first row, s, None if the lines have none, and pressures, Pa; NaN where unknown."""
+        """Return times since the first row, s (None without times), and pressures, Pa; NaN where unknown."""
         rows = [self._cells(line) for line in lines]
         numbers = _numbers(_column(rows, self._layout.pressure), self._mark, self._layout.unit)
         pressure, _ = pressure_table.in_pascal(numbers, self._layout.unit)

@@ -177,7 +177,7 @@ def read_bytes(path: Path, baud: int) -> PressureFile:
         time, octets, _, origin = recorded_link.read(path, "serial")
         return PressureFile(time, octets, origin, ())
     data = np.frombuffer(read_file(path, budgets.SERIAL), dtype=np.uint8).astype(float)
-    return PressureFile((np.arange(len(data)) + 1.0) * BITS_PER_BYTE / baud, data, "begin of the bytes", ())
+    return PressureFile((np.arange(len(data)) + 1.0) * BITS_PER_BYTE / baud, data, "first byte of the file", ())
 
 
 def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
@@ -206,7 +206,7 @@ def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
         one -= 128.0
     # 24-bit samples come in the upper bits of 32; floats are already fractions of full scale.
     full = 1.0 if samples.dtype.kind == "f" else 2.0 ** (8 * samples.dtype.itemsize - 1)
-    return np.arange(len(one)) / rate, one * (_WAV_FULL_SCALE / full), "begin of the WAV"
+    return np.arange(len(one)) / rate, one * (_WAV_FULL_SCALE / full), "start of the WAV file"
 
 
 def _notes(time: Array, pressure: Array) -> tuple[str, ...]:

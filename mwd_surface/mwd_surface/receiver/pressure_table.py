@@ -227,7 +227,7 @@ def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumn
     Parameters
     ----------
     names : sequence of str
-        Cells of a first line; empty before it arrived.
+        Cells of a first line; empty until this line has arrived.
     columns : mapping of str
         See `columns_of`.
 
@@ -347,7 +347,7 @@ class _TableFile:
         """
         Return the column of values, named as the tag of the pressure, and keep only the rows of this tag.
 
-        Return None if the rows of the table are not values of tags. The tag is the one that the caller names, or the
+        Return None if the rows of the table are not values of tags. The tag is named by the caller, or is the
         pressure of the given gauge, from 1, by the names and units of all tags.
 
         Raises ValueError if no tag is a pressure.
@@ -870,7 +870,7 @@ def _of_current(current: Array) -> tuple[Array, list[str]]:
     """Return the pressure, Pa, from a loop current, A, with the usual range, and notes; NaN for a broken wire."""
     broken = current < _BROKEN
     notes = [
-        f"a current of 4 to 20 mA: the range of the gauge is not known, 20 mA is taken as {_FULL_SCALE / 1e5:g} bar"
+        f"a current of 4 to 20 mA: the range of the gauge is not known, {_FULL_SCALE / 1e5:g} bar is assumed at 20 mA"
     ]
     if broken.any():
         notes.append(f"{int(broken.sum())} samples are below 3.6 mA, which means a broken wire, and count as missing")

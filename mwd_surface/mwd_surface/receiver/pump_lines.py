@@ -117,7 +117,7 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
     cosine, sine : ndarray, shape (n,)
         Cosine and sine of the phase angle of the line.
     memory : float
-        1 sigma of the average, samples.
+        1 sigma of the Gaussian window of the average, samples.
     out : ndarray, shape (n,)
         The subtracted line is added to it.
     """
@@ -209,7 +209,7 @@ def pump_noise(
     known : ndarray, shape (n,)
         Weight of each sample, 0 to 1.
     memory : float
-        1 sigma of the average, as in `subtract_line`.
+        1 sigma of the Gaussian window of the average, as in `subtract_line`.
     angles : ndarray, shape (pumps, n), optional
         Crank angles from counted strokes, rad; NaN where a pump's angle is unknown.
 

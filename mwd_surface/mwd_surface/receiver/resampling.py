@@ -209,7 +209,7 @@ def _despike(value: Array, scale: Array, out: Array) -> None:
     value : ndarray, shape (n,)
         Samples; the first and last three only serve as neighbours.
     scale : ndarray, shape (1,)
-        Usual deviation of a sample from that cubic, updated here.
+        Usual deviation of a sample from the cubic through its neighbours, updated here.
     out : ndarray, shape (n,)
         Samples, changed where there is a spike.
     """

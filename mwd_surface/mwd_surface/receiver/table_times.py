@@ -273,7 +273,7 @@ def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
     Return times that rise, the rows to which they belong, and notes.
 
     Rows that were written in another order are sorted. If sorting would interleave two parts or make a pause, the clock
-    was set back, and the samples after this are taken to follow without a pause. If the times fall back too often for
+    was set back, and the samples after this are assumed to follow without a pause. If the times fall back too often for
     that, they are returned as they are, with a note.
 
     Parameters
@@ -326,7 +326,7 @@ def in_order(seconds: Array) -> tuple[Array, Indices, list[str]]:
     first = places[0]
     note = (
         f"the clock of the file is set back {places.size} times, first by {-steps[first - 1]:.6g} s; the samples after"
-        " it are taken to follow without a pause"
+        " it are assumed to follow without a pause"
     )
     return times + np.cumsum(by), rows, [*said, note]
 

@@ -19,7 +19,7 @@ from mwd_sensors.core.compiled import compiled
 _LOCAL = 12  # samples on either side over which the noise power is averaged
 _ROUNDS = 3  # number of iterations over noise model and weights
 # Number of disturbance states, largest variance, and square root of the ratio of neighbouring variances. Each variance
-# is 8 times the one before, up to the variance of starting pumps.
+# is 8 times the next smaller one, up to the variance of starting pumps.
 _STATES, _LARGEST, _SQRT_8 = 6, 8.0**5, math.sqrt(8.0)
 # Probability that a disturbance begins at a sample, one every five minutes with pulses of 0.5 s; and mean length of a
 # disturbance, samples. In whitened pressure a disturbance lasts as long as its flanks, a second or less.
@@ -190,7 +190,7 @@ def _mean_precision(square: Array, known: Array, out: Array) -> None:
     now[0] = 1.0
     for i in range(n):
         if known[i] > 0.0:
-            # Each variance is 8 times the one before: square the likelihood three times.
+            # Each variance is 8 times the next smaller one: square the likelihood three times.
             x, size = math.exp(-0.5 * min(square[i] / _LARGEST, 100.0)), 1.0
             for k in range(_STATES - 1, -1, -1):
                 likelihood[i, k] = x * size

@@ -107,15 +107,15 @@ class RosConformance:
         return [
             ("a set-point that is not signed", "refused", self._unsigned),
             ("a set-point that was changed after it was signed", "refused", self._changed),
-            ("a signed set-point that another sends again", "refused", self._replayed),
-            ("a signed heartbeat that another sends again", "no heartbeat: the lease ends", self._replayed_beat),
+            ("another client sends a signed set-point again", "refused", self._replayed),
+            ("another client sends a signed heartbeat again", "not a heartbeat: the lease ends", self._replayed_beat),
             ("a request that is not signed", "denied", self._unsigned_request),
             (
                 "a set-point whose stamp is an hour old, or in the future",
-                "its age counts from its arrival",
+                "the validity of the set-point counts from its arrival",
                 self._stamps,
             ),
-            ("a person grants a request that nobody has made", "refused", self._grants_nothing),
+            ("a person grants a request that does not exist", "refused", self._grants_nothing),
         ]
 
     def _stays(self, lease: int) -> tuple[bool, str]:
@@ -208,7 +208,7 @@ class RosPeer:
     def ask(self, wish: Wish) -> ControlAnswer:
         """Request control; return the answer. NotPossibleError: the priority exceeds a byte; ValueError: no answer."""
         if not 0 <= wish.priority <= 255:
-            raise NotPossibleError("a priority is a byte")
+            raise NotPossibleError("a priority over ROS is at most 255")
         fields = {"priority": wish.priority, "wait": wish.wait, "duration": wish.duration}
         self._controller.name = wish.name
         limits = {"speed_limit": wish.speed, "left_speed_limit": wish.left_speed}

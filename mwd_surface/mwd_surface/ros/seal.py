@@ -68,7 +68,8 @@ class Sealer:
     Parameters
     ----------
     private_key : bytes, optional
-        Secret key of 32 bytes; by default a new random key, so that no other sender and no later run has this identity.
+        Secret key of 32 bytes; by default a new random key, so that this identity belongs to this run of this sender
+        only.
     """
 
     def __init__(self, private_key: bytes | None = None) -> None:

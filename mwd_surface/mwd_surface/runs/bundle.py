@@ -104,7 +104,11 @@ def clean(text: str, secrets: tuple[str, ...]) -> str:
 
 
 def newest_recording(folder: Path) -> Path | None:
-    """Return the recording in a folder or its subfolders that was written last, None if none; a file is returned."""
+    """
+    Return the recording in a folder or its subfolders that was written last; None if there is no recording.
+
+    A file is returned unchanged.
+    """
     if folder.is_file():
         return folder
     files = [row for ending in ("mcap", "db3", "mcap.zstd", "db3.zstd") for row in _below(folder, f"*.{ending}")]

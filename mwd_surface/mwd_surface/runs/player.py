@@ -111,7 +111,7 @@ class Player:
     plan : Plan, optional
         Plan of the well.
     said : collection of str
-        Topics of the surface whose recorded content is shown; other results of the surface are computed again.
+        Topics of the surface that are shown as recorded; other results of the surface are computed again.
     only : frozenset of str, optional
         Topics to play; None plays all.
     log_step : float

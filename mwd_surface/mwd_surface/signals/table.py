@@ -165,7 +165,7 @@ class Signal:
 
     @property
     def people(self) -> UnitScale:
-        """Metric unit in files and on paper."""
+        """Symbol of the metric unit of this signal in files and on paper."""
         return UNITS[self.unit].people
 
     @property

@@ -78,7 +78,7 @@ def survey_list(
     code = codes.pop() if len(codes) == 1 else ""
     if len(codes) > 1:
         text = (
-            f"{stations.name}: its stations name the tool codes {', '.join(sorted(codes))}; {well.error_model} is taken"
+            f"{stations.name}: its stations name the tool codes {', '.join(sorted(codes))}; {well.error_model} is used"
             " for the whole list: --programme gives codes by interval, --code another one"
         )
         remarks.append(Remark(RemarkKind.TOOL_ASSUMED, text, {"codes": float(len(codes))}))

@@ -292,7 +292,11 @@ def _looking_along(inclination: float, azimuth: float) -> Array:
 
 
 def _with_station(path: Definitive, depth: float) -> tuple[Definitive, int]:
-    """Return the path with a station at a measured depth, m, inserted if it has none there, and its index."""
+    """
+    Return the path with a station at a measured depth, m, and the index of this station.
+
+    The station is inserted if the path has no station at this depth.
+    """
     k = int(np.argmin(np.abs(path.md - depth)))
     if abs(float(path.md[k]) - depth) <= _SAME:
         return path, k

@@ -159,7 +159,7 @@ def _has(bag: Bag, name: str, type_name: str) -> bool:
 
 
 def _change_of(log_ns: int, event: Any) -> list[Change]:
-    """Return the one change of the list by an operator event; empty if the event failed or changes nothing there."""
+    """Return the one change of the list by an operator event; empty if the event failed or does not change the list."""
     stamp_ns = stamp_of(event.header.stamp)
     if not event.success:
         return []

@@ -56,7 +56,7 @@ def fatal_reasons(whole: SurveyList, record: SurveyRecord) -> list[str]:
     if record.survey.azimuth_from(whole.north) is None and not _is_vertical(record, whole.rules):
         have = North(record.survey.north).name.lower()
         why.append(
-            f"its azimuth is from {have} north and nothing converts it to {whole.well.north_reference} north"
+            f"its azimuth is from {have} north, and the angle to {whole.well.north_reference} north is not known"
             if record.survey.has_azimuth
             else "no azimuth"
         )
@@ -293,7 +293,7 @@ def tie_on_assumptions(
     if tie_on.source == Origin.WITHOUT_POSITION:
         text = (
             f"the position of the tie-on at {tie_on.measured_depth:.2f} m is not given in full; missing values are"
-            " taken as straight below the wellhead"
+            " assumed to be straight below the wellhead"
         )
         return (Remark(RemarkKind.TIE_ON_ASSUMED, text, {"measured_depth": tie_on.measured_depth}),)
     if tie_on.source != Origin.WELLHEAD or first_depth is None:

@@ -183,7 +183,7 @@ def _multi_station(
 
 
 def _hours(times: list[str]) -> list[float]:
-    """Return the times of the rows, h; if one row has no valid time, all rows are taken as `_STAND` apart."""
+    """Return the times of the rows, h; if one row has no valid time, all rows are assumed to be `_STAND` apart."""
     try:
         return [utc.moment(time).timestamp() / 3600.0 for time in times]
     except ValueError:

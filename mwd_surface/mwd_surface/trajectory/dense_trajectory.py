@@ -64,7 +64,7 @@ class DenseTrajectory:
 
     @property
     def has_detail(self) -> bool:
-        """Whether continuous data or slides describe an interval; otherwise all intervals are arcs."""
+        """Whether continuous data or slides shape at least one interval; if not, every interval is a circular arc."""
         return CONTINUOUS in self.source or SLIDES in self.source
 
 

@@ -328,9 +328,9 @@ def in_north(plan: Plan, path: str | Path, north: str) -> Plan:
         The plan's azimuths are from another north; the message names both.
     """
     if north and plan.north not in ("", north):
-        raise ListFileError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
+        raise ListFileError(f"{path}: its azimuths are from {plan.north} north, those of the well from {north} north")
     if north and not plan.north:
-        text = f"{plan.name} does not name the north of its azimuths: taken as {north}, like those of the well"
+        text = f"{plan.name} does not name the north of its azimuths: {north} north is assumed, as in the well"
         plan = dataclasses.replace(plan, remarks=(*plan.remarks, Remark(RemarkKind.NORTH_ASSUMED, text)))
     return plan
 

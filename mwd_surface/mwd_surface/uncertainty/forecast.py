@@ -129,7 +129,7 @@ def correction_map(
     """
     sibling = corrected_sibling(code)
     if not sibling:
-        raise ValueError(f"code: {code} has no sibling with a correction of axial interference (+AX)")
+        raise ValueError(f"code: {code} has no variant with a correction of axial interference (+AX)")
     azimuths = np.linspace(0.0, math.tau, points[0] + 1)
     inclinations = np.radians(np.linspace(2.0, 90.0, points[1]))
     field = error_reference(reference, latitude)

@@ -351,7 +351,7 @@ class UncertainWell:
 
     def below(self, md: float) -> UncertainWell:
         """
-        Return the well below a measured depth, m, with the position at that depth taken as exact.
+        Return the well below a measured depth, m, with the position at that depth assumed to be exact.
 
         Raises
         ------

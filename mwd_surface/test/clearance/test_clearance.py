@@ -145,7 +145,7 @@ def test_two_wells_in_one_place_are_asked_for_their_wellheads():
 
 
 def test_wells_from_other_norths_are_refused():
-    with pytest.raises(ValueError, match="azimuths from grid north, those of the well from true north"):
+    with pytest.raises(ValueError, match="azimuths are from grid north, but those of the well from true north"):
         clearance(drilled(), dataclasses.replace(offset(1), north=North.GRID), RULE)
 
 

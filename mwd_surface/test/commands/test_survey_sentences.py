@@ -32,8 +32,8 @@ def test_a_station_is_named_by_another_verdict_or_an_azimuth_more_than_its_sigma
     )
     assert told == [
         "1-3, 6 revised with the other surveys of the run, azimuth by 100.0 deg at most",
-        "   1 was accept at first: 136.6 ±0.8; now accept: 158.4 ±3.3",
-        "   2 was doubtful at first: 157.6 ±3.0; now accept: 158.4 ±3.3",
+        "   1 was accept at first, 136.6 ±0.8; it is now accept, 158.4 ±3.3",
+        "   2 was doubtful at first, 157.6 ±3.0; it is now accept, 158.4 ±3.3",
     ]
 
 

@@ -116,7 +116,7 @@ def test_a_renewal_prolongs_what_was_granted_and_gives_nothing_more(settings, mo
     before = authority.status(1.0)
     decision = authority.request(asks("controller", **(granted | more)), 1.0)
     assert (decision.permission, decision.lease) == (Permission.DENIED, 0)
-    assert "more than was granted" in decision.message
+    assert "more than the lease grants" in decision.message
     assert authority.status(1.0) == before
     assert not command(authority, SetPoint(Mode.ROTATE, lease, 1, rotary_speed=1.1), 1.0)[0]
     renewed = authority.request(asks("controller", **granted), 1.0)
@@ -185,7 +185,8 @@ def test_nobody_grants_a_request_that_came_in_the_place_of_the_one_that_was_seen
     authority = ControlAuthority(BY_A_PERSON)
     seen = authority.request(asks("holds the toolface", priority=1), 0.0).lease
     other = authority.request(asks("rotates", priority=2), 0.1).lease
-    for number, words in ((seen, f"request {seen} is no longer waiting"), (0, "number: must be that of the request")):
+    missing = "number: must be the number of the waiting request"
+    for number, words in ((seen, f"request {seen} is no longer waiting"), (0, missing)):
         done, why = authority.judge(ControlJudgement.GRANT, "toolpusher", 0.2, number=number)
         assert (done, why) == (False, f"{words}; request {other} of rotates waits")
     assert not authority.judge(ControlJudgement.DENY, "toolpusher", 0.2, number=seen)[0]

@@ -238,7 +238,7 @@ def test_a_request_that_replaced_the_one_that_was_seen_is_not_granted():
     with pytest.raises(ValueError, match="request 7 was replaced; the present request is 8: silent"):
         machine.submit("Ann", 0.0, seen)
     assert "request 8 waits for permission" in machine.submit("Ann", 0.0, 8)
-    for number, words in ((seen, "request 7 was replaced"), (0, "number: must be that of the request")):
+    for number, words in ((seen, "request 7 was replaced"), (0, "number: must be the number of the present request")):
         with pytest.raises(ValueError, match=words):
             machine.decide(True, "Bo", 0.0, number)
     with pytest.raises(ValueError, match="request 7 was replaced"):
@@ -264,7 +264,7 @@ def test_one_at_a_time_and_what_is_missing_is_refused_in_words():
     machine.submit("Ann", 0.0)
     with pytest.raises(ValueError, match="operator_name"):
         machine.decide(True, "", 0.0, machine.number)
-    with pytest.raises(ValueError, match="one at a time"):
+    with pytest.raises(ValueError, match="only one can run"):
         machine.draft("survey_now", 0.0, "Ann", 0.0)
 
 

@@ -136,11 +136,11 @@ def test_a_witsml_trajectory_is_a_plan(tmp_path):
     ("data", "says"),
     [
         (b"<a>", "not well-formed XML"),
-        (b"<a/>", "line 1: no trajectory of WITSML"),
+        (b"<a/>", "line 1: there is no trajectory of WITSML"),
         (document(station(0, 0, 0)), "a plan needs at least two stations, got 1"),
         (document(station(0, 0, 0), station("NaN", 0, 0)), "line 6: md: expected a finite number, got 'NaN'"),
         (document(station(0, 0, 0), station(9, 0, 0, "furlong")), "md in 'furlong'"),
-        (document("<trajectoryStation/>"), "line 4: a station without md"),
+        (document("<trajectoryStation/>"), "line 4: the station has no md"),
         (b'<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/hostname">]><a>&x;</a>', "no trajectory"),
     ],
 )

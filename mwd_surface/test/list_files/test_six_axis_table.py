@@ -116,7 +116,7 @@ def test_depths_in_feet_come_out_in_metres_and_unit_guesses_are_reported():
     )
     assert stations(table)[0].md == pytest.approx(304.8)
     columns = find_columns(table)
-    assert columns.assumed == ("b_ref: taken as nT", "dip_ref: taken as deg")
+    assert columns.assumed == ("b_ref: read as nT", "dip_ref: read as deg")
 
 
 def test_a_row_that_cannot_be_read_is_rejected_and_not_left_out():
@@ -259,4 +259,4 @@ def test_a_table_without_a_known_depth_names_the_columns_that_are_not_used():
 
 
 def test_a_depth_without_a_unit_is_named():
-    assert find_columns(plain_table(MD=[1.0, 2.0, 3.0])).assumed == ("MD: taken as m",)
+    assert find_columns(plain_table(MD=[1.0, 2.0, 3.0])).assumed == ("MD: read as m",)

@@ -318,7 +318,7 @@ def test_azimuths_are_turned_to_the_north_of_the_well_or_stay_out():
     whole = SurveyList(well=grid).add(turned, 100.0, 0.0)
     assert math.degrees(whole.definitive().azimuth[-1]) == pytest.approx(42.0)
     bare = SurveyList(well=grid).add(shot(1, 30.0, north=int(North.MAGNETIC), b_reference=math.nan), 100.0, 0.0)
-    assert flags(bare, 1) == ("its azimuth is from magnetic north and nothing converts it to grid north",)
+    assert flags(bare, 1) == ("its azimuth is from magnetic north, and the angle to grid north is not known",)
     withheld = SurveyList().add(shot(1, 30.0, math.nan), 100.0, 0.0)
     assert flags(withheld, 1) == ("no azimuth",)
 

@@ -74,10 +74,12 @@ APART = 4  # updates between two searches
 @compiled
 def follow_innovation(s: BoundedRecord, axis: int, white: float) -> None:
     """
-    Update the spectral density of the innovations along a tool axis; white: the new innovation over its sigma.
+    Update the spectral density of the innovations along a tool axis with a new innovation.
 
     The assumed noises are larger than the real noises, and motion is not white: heave repeats an error for a second. An
     innovation is therefore weighted by the density at low frequencies, which is 1 if the covariance is right.
+
+    white: the new innovation divided by its sigma.
     """
     T, found = s.sums.time, s.innovations
     found.slow[axis] += T / (SLOW_TIME + T) * (white - found.slow[axis])

@@ -61,10 +61,12 @@ def coarse() -> Array:
 
 def refined(log_density: Array, *centres: float) -> Array:
     """
-    Return angles, rad, in order: a coarse grid, with fine steps about every peak and about further centres.
+    Return the angles, rad, in order, at which a density is computed: a coarse grid, and fine steps where it is large.
 
-    log_density: log density at the coarse angles, shape (180,), or the highest about each of them (`highest`);
-    centres: rad, NaN for no centre.
+    The fine steps lie about every peak of the coarse density and about every further centre.
+
+    log_density: at each coarse angle, the log density, or the highest log density about this angle (`highest`), shape
+    (180,). centres: further centres, rad; NaN: no centre.
     """
     peaks = np.flatnonzero((log_density >= np.roll(log_density, 1)) & (log_density > np.roll(log_density, -1)))
     peaks = peaks[log_density[peaks] > log_density.max() + math.log(_WORTH)]

@@ -38,7 +38,11 @@ _ROUNDED = 1e-13
 
 
 class Declination(NamedTuple):
-    """Error of the declination in m filters before a station, and its covariance with the residual at the station."""
+    """
+    Error of the declination in each of m filters before a station.
+
+    Its covariance with the residual of the station is given too.
+    """
 
     mean: Array  #: shape (m,); rad
     variance: Array  #: shape (m,); rad^2

@@ -451,12 +451,12 @@ def turned_field(angles: Array, log: Array, gyro: Array, states: Array, own: tup
     Return the log evidence of a field turned about the vertical, for n azimuths, k filters and j states of the gyro.
 
     The evidence of the field is smeared over the azimuth with 1 sigma `TURNED`, and multiplied by the evidence of the
-    gyro. Returns shape (n, k, j). The states of the gyro are: no step of its bias, a step, and a wrong
-    azimuth.
+    gyro. The states of the gyro are: its bias did not step, its bias stepped, or its azimuth is wrong. Returns shape
+    (n, k, j).
 
-    angles: azimuths, rad, shape (n,); log: log evidence of the field without the turn, shape (n, k); gyro: residual of
-    the gyro, rad, shape (n,), see `gyro_residual`; states: log weights of the states, shape (n, j); own: mean, rad, and
-    variance, rad^2, of the gyro error in each filter, shape (k,), and the variance that a step adds, rad^2.
+    angles, shape (n,): azimuths, rad. log, shape (n, k): log evidence of the field without the turn. gyro, shape (n,):
+    residual of the gyro, rad (`gyro_residual`). states, shape (n, j): log weights of the states. own: mean, rad, and
+    variance, rad^2, of the gyro error in each filter, shape (k,) each, and the variance, rad^2, that a step adds.
     """
     place, apart = circle.places(angles), circle.STEPS // _FEW
     smear = _SMEAR[place].T * circle.widths(angles)

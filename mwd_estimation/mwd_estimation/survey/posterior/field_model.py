@@ -118,9 +118,9 @@ def geometry(f_h: Array, b_h: Array, covariance: Array, reference: Reference | N
     f_h, b_h : ndarray, shape (3,)
         Specific force, m/s^2, and field, T, in hole axes; the field is not used if a component is NaN.
     covariance : ndarray, shape (6, 6)
-        Noise of both, (m/s^2)^2 and T^2.
+        Covariance of the noise of f_h and b_h, (m/s^2)^2 and T^2.
     reference : Reference or None
-        Without its field the reading does not depend on the azimuth.
+        Reference; without a reference field the reading does not depend on the azimuth.
     declination : float
         Angle of magnetic north from the north of the azimuths, rad.
     """
@@ -140,7 +140,7 @@ def geometry(f_h: Array, b_h: Array, covariance: Array, reference: Reference | N
 
 @dataclasses.dataclass(frozen=True)
 class Sigmas:
-    """Nominal sigmas of a run."""
+    """Nominal 1 sigma values of the errors of a run, which are the units of the states."""
 
     shared: Array  #: shape (23,); sigma of each state of `SharedErrors`; fields in uT, forces in m/s^2, angles in rad
     #: shape (3,); sigmas of the part of total, dip and declination that differs from station to station, in units of

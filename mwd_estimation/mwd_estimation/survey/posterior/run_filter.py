@@ -283,9 +283,10 @@ class RunFilter:
 
     def _meet(self, later: RunFilter) -> tuple[Array, Array]:
         """
-        Move the gyros of both models to the age of this one; return prior variances (k, 23) and weights (k,) there.
+        Move the gyro errors of this model and of `later` to the age of this model.
 
-        later: as in `between`; the variances are in squares of its nominal sigmas.
+        Returns the prior variances, shape (k, 23), in squares of the nominal sigmas of `later`, and the weights of the
+        filters, shape (k,), at this age. later: as in `between`.
         """
         variance, prior, adrift = later.filters.variance.copy(), self.filters.weight.copy(), self.filters.adrift
         lasting = self.state.lasting if math.isfinite(self.state.lasting) else later.state.lasting
@@ -361,7 +362,7 @@ class RunFilter:
         )
 
     def _declination(self, one: Row, state: RunState, at: Indices, M: Array) -> Declination | None:
-        """Return the error of the declination at a station in the filters at `at`; M, shape (k, 23, 12): P H' there."""
+        """Return the error of the declination at a station in the filters at `at`; M, shape (k, 23, 12): their P H'."""
         index = Shared.DECLINATION
         sigma, own = self.sigma[index], self._own[-1] ** 2
         if not one["has_field"] or not sigma > 0.0:
@@ -621,7 +622,12 @@ def _merged(weight: Array, mean: Array, covariance: Array) -> tuple[Array, Array
 
 
 def _between(before: Array | None, after: Array | None) -> Array | None:
-    """Return the mean probabilities of the external fields at both neighbours, or the known ones; None: neither."""
+    """
+    Return the probabilities of the external fields from the neighbouring stations, or None.
+
+    They are the mean of both neighbours, or those of the only neighbour for which they are known. The result is None if
+    they are known for neither.
+    """
     known = [one for one in (before, after) if one is not None]
     return np.mean(known, axis=0) if known else None
 

@@ -358,7 +358,7 @@ class McapFile:
                 if len(prefix) < PREFIX:
                     return cut_off and not sure
                 if not sure and (length ^ _FIXED.get(opcode, length)).bit_count() == 1:
-                    # The wrong bit may be in the length of this record instead of the length of the record before.
+                    # The wrong bit may be in the length of this record instead of the length of the previous record.
                     length = _FIXED[opcode]
                 if length < _SHORTEST.get(opcode, 0) or length != _FIXED.get(opcode, length):
                     return False

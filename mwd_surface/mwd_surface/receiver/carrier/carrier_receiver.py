@@ -304,7 +304,9 @@ class CarrierReceiver(SampledReceiver):
         """Give up tracking and search again from the end of the last good block."""
         self._lock = None
         done.frames += self._end_pass(
-            self._beside_line("no carrier any more: flow off, too weak, or the tool began anew")
+            self._beside_line(
+                "the carrier has ended: the flow is off, the signal is too weak, or the tool started a new transmission"
+            )
         )
         self._hop = max(math.floor((lock.good_end - self._band.symbol) / self._hop_steps), 0)
 
@@ -488,7 +490,7 @@ def _index(tool: ToolConfiguration, name: BlockName) -> int:
 
 
 def _right(bits: Array) -> float:
-    """Return the probability that all bits are right, taken as independent; bits: log posterior ratios."""
+    """Return the probability that all bits are right if their errors are independent; bits: log posterior ratios."""
     return float(np.exp(-np.sum(np.log1p(np.exp(-np.abs(bits))))))
 
 

@@ -342,7 +342,7 @@ class LinkSurveys:
             for quantity, value in heard.values.items():
                 if quantity not in station.values or _better(value, station.values[quantity], quantity):
                     station.values[quantity], station.links[quantity] = value, heard.link
-            # Words sent again after a time at rest too short for a survey belong to the survey before.
+            # Words sent again after a time at rest too short for a survey belong to the previous survey.
             if heard.at.half_s < station.heard.at.half_s and heard.at.in_rest_of(station.heard.at):
                 station.heard = station.heard._replace(at=heard.at)
         return out + self.advance(now_ns)
@@ -389,7 +389,7 @@ def _same(station: _LinkStation, heard: HeardSurvey) -> bool:
     Return whether received words belong to the survey of a station.
 
     - A tool takes a new survey in each time at rest that is long enough. In a straight hole the new survey may have the
-      same codes as the survey before, so words from two long times at rest never belong to one survey.
+      same codes as the previous survey, so words from two long times at rest never belong to one survey.
     - Words from one time at rest over different links belong to one survey.
     - Words from one time at rest over the same link, or from times at rest that are too short or unknown, belong to one
       survey if they agree in every quantity that both have, and if one of these quantities is an angle. Otherwise the

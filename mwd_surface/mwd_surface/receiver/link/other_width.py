@@ -157,7 +157,7 @@ class OtherWidth:
         time_s, pressure_pa : ndarray, shape (n,)
             Rising times, s, and Pa.
         since_s : float
-            Time of flow-on as known before these samples; -inf if unknown, and the sync may have been missed.
+            Time of flow-on as known before these samples; -inf if unknown: the sync may then have been missed.
         first_s : float
             Delay of the first search after flow-on; a second search, for wider pulses, follows after twice this
             time.

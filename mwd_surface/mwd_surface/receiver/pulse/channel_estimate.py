@@ -50,7 +50,7 @@ def basis(length: int, tu_s: float) -> Array:
     Parameters
     ----------
     length : int
-        Samples.
+        Number of samples of the response.
     tu_s : float
         Time unit of the tool.
 

@@ -201,10 +201,10 @@ def _worst(fits: Array) -> float:
 
 def _mixed(codes: list[int], chances: Array, holds: Array | None, disturbed: float) -> Soft:
     """
-    Return the word with the mixed code probabilities of steady noise and of a disturbance.
+    Return the word with code probabilities averaged over two noises: steady noise and a disturbance.
 
-    chances, shape (2, codes): probability of each code in steady noise and in a disturbance; holds, shape (2,): as in
-    `Soft`, None without a parity; disturbed: probability of a disturbance.
+    chances, shape (2, codes): probability of each code in steady noise and in a disturbance. holds, shape (2,): as in
+    `Soft`; None without a parity. disturbed: probability of a disturbance; a parity that probably fails raises it.
     """
     shares = np.array([1.0 - disturbed, disturbed])
     # A parity that probably fails is evidence for a disturbance of this word.

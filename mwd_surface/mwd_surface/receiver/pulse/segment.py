@@ -92,7 +92,7 @@ class StretchOnToolClock:
         return trellis.places_of(self.packets)
 
     def own(self) -> list[slice]:
-        """Return the samples of each group."""
+        """Return the range of samples that belongs to each group of packets."""
         return [
             slice(max(self.start + SAMPLES_PER_TU * int(begin) - BEFORE, 0), self.start + SAMPLES_PER_TU * int(end))
             for _, begin, end in self.groups

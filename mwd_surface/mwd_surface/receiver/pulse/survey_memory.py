@@ -33,7 +33,7 @@ _CHANGE = {
 }
 # Gravity before the first survey: 0.9976 to 1.0027 g on earth (normal gravity, WGS 84).
 _AT_FIRST = {"Grav": (STANDARD_GRAVITY, 0.004 * STANDARD_GRAVITY)}
-# Probability that a word is unrelated to the survey before: disturbed field, new well, or failed tool.
+# Probability that a word is unrelated to the previous survey: disturbed field, new well, or failed tool.
 _FREE = 0.05
 # Log odds above which two receptions count as one survey sent twice.
 _LEAST_ODDS = math.log(20.0)
@@ -71,10 +71,11 @@ class _Codes:
 
     def sent_again(self, other: _Codes, alike: float) -> float:
         """
-        Return the likelihood ratio of one code received twice against codes of two different surveys.
+        Compare two explanations of a word in two surveys: one code was sent twice, or the surveys are unrelated.
 
-        A share `alike` of different surveys has equal codes. The others differ by a number of steps whose logarithm is
-        uniform, because not even the size of the change is known. A word with no information gives a ratio of 1.
+        Returns the likelihood ratio of the first explanation to the second. A share `alike` of different surveys has
+        equal codes. The others differ by a number of steps whose logarithm is uniform, because not even the size of the
+        change is known. A word with no information gives a ratio of 1.
         """
         same = self.count * self.times(other)[1]
         scale = self.count / (2.0 * (math.log(self.count / 2.0) + _EULER))
@@ -104,7 +105,7 @@ class SurveyMemory:
         """
         Return the final words of one pass of a sequence; words of a toolface sequence are returned unchanged.
 
-        Repeated words, within the survey or from the survey before, get the combined posterior of all receptions. A
+        Repeated words, within the survey or from the previous survey, get the combined posterior of all receptions. A
         word that is still erased is decided where earlier surveys make one of its codes probable enough.
         """
         if not words or words[0].kind != "survey":

@@ -189,7 +189,7 @@ def _found(
         moved = min(max(at + early, 0), count - 1)
         if moved != at:
             found = _fitted(whitened, weight, shapes, edges, first + moved)
-        # The aligned start may be that of a sync found before, whose score is already removed.
+        # The aligned start may be that of a sync that was found earlier, whose score is already removed.
         if score[moved] == -np.inf or not _alike(whitened, weight, found[0] @ shapes, edges, first + moved):
             break
         response = found[0] @ components

@@ -143,7 +143,7 @@ class Tracker:
 
     def _compare(self, one: ReceivedTransmission, done: Reception) -> None:
         """
-        Compare a hypothesis with all others; drop the one of each pair that explains the pressure clearly worse.
+        Compare a hypothesis with all others; of each pair, drop the one that explains the pressure clearly worse.
 
         Later syncs within the pulses of an established leader are dropped too.
         """

@@ -46,10 +46,10 @@ _LOST = 0.999
 _DOUBTFUL = 0.2  # probability of a wrong word table above which the parities count as failing
 _PARITIES_FAIL = (
     "the parity bits do not fit: sequences, header_bits, parity or pulse_width_s of the tool configuration are wrong, "
-    "or there is no tool"
+    "or no tool sends"
 )
 _TWO_TOOLS = "two tools send at once; give them different pulse widths or transmit delays"
-FADED = "no pulses any more: flow off, too weak, or the tool began anew"
+FADED = "the pulses have ended: the flow is off, the signal is too weak, or the tool started a new transmission"
 # Prior of the share of missing pulses: its weight in packets; and the largest share.
 _PRIOR_PACKETS, _MOST_MISSING = 80.0, 0.15
 # Factor by which a toolface after a sync needs more evidence per TU than a survey.
@@ -71,7 +71,7 @@ class ReceivedTransmission:
     position : float
         Position where the sync starts, steps of the grid.
     doubt : Doubt
-        Doubt about the configuration after the transmissions before.
+        Doubt about the configuration that the earlier transmissions left.
     """
 
     def __init__(self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, doubt: Doubt) -> None:

@@ -368,7 +368,10 @@ class SurveyHistory:
 _INTERFACE = "OPC UA"
 Argument = tuple[str, str, str]  #: name, type and description of an argument
 
-_DONE: tuple[Argument, ...] = (("success", "Boolean", "whether it was done"), ("message", "String", "or why not"))
+_DONE: tuple[Argument, ...] = (
+    ("success", "Boolean", "whether the request was carried out"),
+    ("message", "String", "the reason if the request was refused"),
+)
 _DECISION: tuple[Argument, ...] = (
     ("sequence", "UInt32", "number of the survey"),
     ("operator_name", "String", "who decides"),
@@ -393,7 +396,7 @@ class OpcuaMethod:
 def survey_methods(on_command: OnCommand) -> list[OpcuaMethod]:
     """Return the methods for surveys; on_command: `on_command(name, arguments) -> (ok, message)` carries them out."""
     table = {
-        "take_survey": (("duration", "Double", "s to average over; 0: as configured"),),
+        "take_survey": (("duration", "Double", "averaging time, s; 0: the configured time"),),
         "accept_survey": _DECISION,
         "reject_survey": _DECISION,
     }
@@ -424,13 +427,13 @@ def control_methods(authority: ControlAuthority) -> list[OpcuaMethod]:
             (
                 ("controller", "String", "name of the controller"),
                 ("role", "String", "purpose of the controller, in a word or two"),
-                ("priority", "Byte", "0 to 255; a higher priority than the owner's takes over"),
-                ("wait", "Boolean", "wait while another has control"),
-                ("duration", "Double", "s; 0: the longest duration allowed"),
+                ("priority", "Byte", "0 to 255; a request with a higher priority than the owner's takes control over"),
+                ("wait", "Boolean", "whether to wait while another controller has control"),
+                ("duration", "Double", "time for which control is requested, s; 0: the longest time allowed"),
             ),
             request,
             (
-                ("message", "String", "why it was refused, or what it waits for"),
+                ("message", "String", "why the request was refused, or what the request waits for"),
                 ("permission", "Byte", "0 denied, 1 pending, 2 granted"),
                 ("lease", "UInt32", "number of the lease, or of the pending request; 0: denied"),
             ),
@@ -439,12 +442,12 @@ def control_methods(authority: ControlAuthority) -> list[OpcuaMethod]:
             "set_point",
             (
                 lease,
-                ("sequence", "UInt32", "increases with each set-point; 0: heartbeat only"),
+                ("sequence", "UInt32", "number of the set-point, higher than the last; 0: heartbeat only"),
                 ("mode", "Byte", "0 hold, 1 rotate, 2 orient, 3 pump, 4 release"),
                 ("rotary_speed", "Double", "rotate: rad/s"),
                 ("turn", "Double", "orient: rad from the present position of the top drive"),
                 ("flow_rate", "Double", "pump: m^3/s"),
-                ("valid_for", "Double", "s, above 0; the string is held after this time"),
+                ("valid_for", "Double", "s, above 0; after this time without a new set-point the string is held"),
             ),
             command,
         ),
@@ -515,7 +518,11 @@ async def _variable(ua: Any, parent: Any, index: int, variable: Variable, identi
 
 
 async def _set_type(ua: Any, parent: Any, reference: Any, node: Any, old: Any, new: Any) -> None:
-    """Change the type of a node, and recreate the parent's reference to it: browsing clients read the type there."""
+    """
+    Change the type of a node.
+
+    The reference of its parent is recreated, because browsing clients read the type from this reference.
+    """
     await node.delete_reference(old, ua.ObjectIds.HasTypeDefinition)
     await node.add_reference(new, ua.ObjectIds.HasTypeDefinition, True, False)
     await parent.delete_reference(node, reference)

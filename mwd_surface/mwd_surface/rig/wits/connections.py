@@ -184,7 +184,7 @@ class Wits0Serial(_Caller):
             source, sink = os.fdopen(os.dup(device.fd), "rb", 0), os.fdopen(os.dup(device.fd), "wb", 0)
             reader = asyncio.StreamReader(limit=16384)
             incoming, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), source)
-            # The stream of the writing side needs a reader too; nothing arrives there.
+            # The stream of the writing side needs a reader too; nothing arrives on this stream.
             unread = asyncio.StreamReader()
             outgoing, protocol = await loop.connect_write_pipe(lambda: asyncio.StreamReaderProtocol(unread), sink)
             try:
