@@ -10,7 +10,6 @@ from mwd_estimation.core.repeated_samples import RepeatedSamples
 from mwd_estimation.nodes.estimator import LiveRevisions
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_estimation.survey.static_survey import Refusal
 from mwd_sensors.core import input_covariance, settings, wire
 from mwd_sensors.core.message_record import HEADER, time_message
 from mwd_sensors.core.mount import PRESETS
@@ -117,9 +116,6 @@ class LiveGraph:
             self.revisions.judge_again(self.pipeline)
         for survey in output.surveys:
             self._on_survey(survey)
-        for result in output.rotary:
-            if not isinstance(result, Refusal):
-                self._on_survey(result)
         self.revisions.finish()
 
     def _taken_as_stated(self, name, samples):

@@ -47,8 +47,7 @@ from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_estimation.survey.revision import is_revised
-from mwd_estimation.survey.static_survey import Refusal
-from mwd_estimation.survey.survey import STATIC
+from mwd_estimation.survey.survey import ROTARY, STATIC
 from mwd_sensors.core import frames, wire
 from mwd_sensors.core.arrays import Indices, Samples, Stamps
 from mwd_sensors.core.foreign_text import printable
@@ -218,16 +217,15 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         if output.health and self._revisions is not None:
             self._revisions.judge_again(self._pipeline)
         for survey in output.surveys:
-            verdict = self._publish_survey(survey, frame)[1]
-            if survey.average.requested:
+            message, verdict = self._publish_survey(survey, frame)
+            if survey.kind == ROTARY:
+                self._actions.finish_rotary_survey(message, verdict)
+            elif survey.average.requested:
                 self._respond(True, verdict, survey.sequence)
         for refusal in output.refusals:
             self._respond(False, f"no survey taken: {text(refusal.reason)}", 0)
-        for result in output.rotary:
-            if isinstance(result, Refusal):
-                self._actions.finish_rotary_survey(None, text(result.reason))
-            else:
-                self._actions.finish_rotary_survey(*self._publish_survey(result, frame))
+        for refusal in output.rotary_refusals:
+            self._actions.finish_rotary_survey(None, text(refusal.reason))
         for solution in output.north:
             self._actions.finish_north_seek(solution)
         if self._pipeline.samples_are != self._samples_are:

@@ -17,6 +17,7 @@ from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.downhole.transmitter import Sent, Transmitter
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.survey.survey import STATIC
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros import qos
@@ -79,7 +80,8 @@ class TransmissionPublisher:
             transmitter.take_flow(flows)
             transmitter.take_rotation(imu_t)
             for survey in output.surveys:
-                transmitter.take_survey(survey)
+                if survey.kind == STATIC:
+                    transmitter.take_survey(survey)
             transmitter.take_dynamics(output.dynamics)
             for known_ns, means in running:
                 transmitter.take_logs(known_ns, means)

@@ -345,9 +345,9 @@ class Estimate:
         if ended is not None:
             average, rotary_speed = ended
             if isinstance(average, Refusal):
-                output.rotary.append(average)
+                output.rotary_refusals.append(average)
             else:
-                output.rotary.append(self._with_status(self.bin_stage.rotary(average, rotary_speed)))
+                output.surveys.append(self._with_status(self.bin_stage.rotary(average, rotary_speed)))
         # Summarise the drilling dynamics.
         output.dynamics = drilling_dynamics.run(self._dynamics_params, self._dynamics_state, samples, output.attitude)
         self.last_imu_ns = int(stamps[-1])
@@ -359,7 +359,7 @@ class Estimate:
         if self.bin_stage.still.requested:
             output.refusals.append(refusal)
         if requests.rotary_progress is not None:
-            output.rotary.append(refusal)
+            output.rotary_refusals.append(refusal)
         ended = requests.end_north(why)
         output.north += [ended] if ended is not None else []
 

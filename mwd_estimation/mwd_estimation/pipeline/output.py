@@ -27,13 +27,13 @@ class Output:
     #: second.
     interference: Samples
     dynamics: Samples
-    surveys: list[DecidedSurvey] = dataclasses.field(default_factory=list)  #: surveys taken at rest
-    refusals: list[Refusal] = dataclasses.field(default_factory=list)  #: refused requests for a survey
+    #: Surveys in the order of their numbers: taken at rest, or rotary surveys (taken while the string turned).
+    surveys: list[DecidedSurvey] = dataclasses.field(default_factory=list)
+    refusals: list[Refusal] = dataclasses.field(default_factory=list)  #: refused requests for a survey at rest
+    rotary_refusals: list[Refusal] = dataclasses.field(default_factory=list)  #: refused requests for a rotary survey
     #: Faults of sensors that were found, narrowed down or cleared.
     health: list[SensorFault] = dataclasses.field(default_factory=list)
     north: list[Solution] = dataclasses.field(default_factory=list)  #: results of north seeks on request
-    #: Result of each rotary survey (taken while the string turned): the survey, or the reason why it was not taken.
-    rotary: list[DecidedSurvey | Refusal] = dataclasses.field(default_factory=list)
 
     @classmethod
     def empty(cls, n: int) -> Output:

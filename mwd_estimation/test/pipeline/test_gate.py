@@ -97,7 +97,7 @@ def _output(streams, given=SETTINGS, cuts=(1300,), north=True, mount=None):
             pipeline.request_north(30.0)
     output = output.joined(pipeline.finish())
     rows = [getattr(output, name).tobytes() for name in ("attitude", "gravity", "interference", "dynamics")]
-    events = (output.surveys, output.refusals, output.health, output.north, output.rotary)
+    events = (output.surveys, output.refusals, output.health, output.north, output.rotary_refusals)
     rest = pipeline.counters, pipeline.sensor_faults, pipeline.temperature.last, pipeline.temperature.outside
     return rows, re.sub(r"0x[0-9a-f]+", "", repr((events, rest))), pipeline, output
 

@@ -28,7 +28,6 @@ from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_estimation.survey.decided_survey import DecidedSurvey
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.core.arrays import Samples, Stamps
@@ -168,10 +167,9 @@ class BagEstimate:
         with behind(write) as give:
             for result in self._results(progress):
                 if result.output is not None:
-                    taken = [one for one in result.output.rotary if isinstance(one, DecidedSurvey)]
                     log_ns = None if result.log_ns is None else int(result.log_ns[-1])
                     self._summary.surveys += [
-                        (survey, self._list.add(survey, log_ns)) for survey in [*result.output.surveys, *taken]
+                        (survey, self._list.add(survey, log_ns)) for survey in result.output.surveys
                     ]
                     self._summary.faults += result.output.health
                 give(result)

@@ -165,6 +165,14 @@ def test_the_list_of_people_s_requests_comes_out_again(names, mount, tmp_path):
     assert "refused" not in names or all(graph.answers[-5:])
 
 
+def test_at_a_low_rate_where_surveys_share_a_block_the_list_comes_out_again(tmp_path):
+    live, summary, _ = both(tmp_path, story(schedule=LONG, rate_hz=50), EVENTS["rotary"])
+    numbers = [survey.sequence for survey, _ in summary.surveys]
+    assert numbers == sorted(numbers)
+    assert [r.operator_name for r in live.records].count("Ann") == 1
+    assert summary.listed == live
+
+
 # Requests of people within a run of any scenario: some are refused, where nothing stands still or was surveyed.
 REQUESTS = [
     (20.0, lambda g: g.ask(TAKE, 4.0)),
