@@ -85,7 +85,7 @@ WORDS: dict[Code, str] = {
     "correct the unit of the columns and compute again",
     Code.DEAD_AXIS: "{names[0]} stays the same while the other axes turn: the axis is dead, or its column is wrong; "
     "check the tool",
-    Code.WIRING: "{names[1]} (the {names[0]} shows it): {remedies}; correct the columns and compute again",
+    Code.WIRING: "{names[1]} (according to the {names[0]}): {remedies}; correct the columns and compute again",
     Code.NO_HORIZONTAL_FIELD: "no horizontal field",
     Code.INCLINATION_ONLY: "{causes}: only inclination and toolface are computed",
     Code.NORTH_UNKNOWN: "an azimuth from {names[0]} north needs the {names[1]}: the azimuth is from magnetic north",

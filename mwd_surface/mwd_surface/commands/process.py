@@ -218,6 +218,12 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
     from mwd_surface.commands.survey_table import list_warnings, revision_sentences, show_surveys
 
     terminal.warn(*summary.warnings)
+    place = estimator.place
+    if summary.reference == "none" and (place.lat_deg is None) != (place.lon_deg is None):
+        missing = "--lat" if place.lat_deg is None else "--lon"
+        terminal.warn(
+            f"the place is incomplete: {missing} is not given, so there is no reference field and no true azimuth"
+        )
     for fault in summary.faults:
         if fault.code == FaultCode.NEVER_CAME and not summary.mag_used:
             continue  # a warning or the line "magnetometer" reports this
@@ -244,8 +250,8 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         records = sorted(summary.listed.records, key=lambda one: one.survey.sequence)
         show_surveys(records, summary.listed.well.angles)
         terminal.tell(*revision_sentences(records))
-        # If the recording has no depths, the line "depths" reports this: do not print a warning for each survey.
-        if summary.topics.rig is not None:
+        # If there is no source of depths, the line "depths" reports this: do not print a warning for each survey.
+        if summary.topics.rig is not None or summary.depth_table:
             terminal.warn(*list_warnings(summary.listed.records))
     else:
         terminal.facts([("surveys", f"none: {summary.no_survey}")])

@@ -486,7 +486,8 @@ class _ListReader:
                     self._say(RemarkKind.STATION_REPEATED, text, measured_depth=md)
                     continue
                 raise ListFileError(
-                    f"{row.at}: measured depth {md:g} m does not increase after {above.numbers['md']:g} m"
+                    f"{row.at}: measured depth {md:g} m does not increase after {above.numbers['md']:g} m; correct the"
+                    " depth, leave one of the two rows out, or write a list for each hole"
                 )
             kept.append(row)
         return kept

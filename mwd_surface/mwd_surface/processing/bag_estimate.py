@@ -395,7 +395,7 @@ class BagEstimate:
         summary.mag_used = self._use_mag
         if not summary.surveys:
             summary.no_survey = hindrance(pipeline, summary)
-        summary.depths = self._list.depth_source
+        summary.depths, summary.depth_table = self._list.depth_source, not self._list.uses_rig
         summary.warnings += self._list.warnings
         summary.warnings += pipeline_warnings(summary, pipeline, self._estimator, self._queue.samples_are)
 

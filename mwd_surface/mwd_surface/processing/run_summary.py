@@ -64,6 +64,7 @@ class Summary:
     #: survey list in the form of the surface node, with the definitive values of these surveys
     listed: SurveyList = dataclasses.field(default_factory=SurveyList)
     depths: str = ""  #: source of the depths of the surveys, as text
+    depth_table: bool = False  #: whether the user gave a table of depths
     #: how `listed` differs from the survey list recorded live, as text; empty if none was recorded
     live: str = ""
     no_survey: str = ""  #: reason why there is no survey, as text; empty if there are surveys

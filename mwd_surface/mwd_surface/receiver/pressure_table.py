@@ -808,11 +808,17 @@ def _all_units(cells: Any) -> set[str]:
     return {_unit(text or "") for text in cells.unique().to_pylist()} - {""}
 
 
+_CURRENT = re.compile(r"\b4\s*(?:-|\u2013|to)\s*20\b|\bmA\b")
+
+
 def _words(name: str, unit: str) -> tuple[str, str]:
     """Return the words of a name in lower case without its unit, and the unit ("" if there is none)."""
     brackets = re.findall(r"[(\[{]([^)\]}]*)[)\]}]?", name)
     words = " ".join(_MARKS.sub(" ", re.sub(r"[(\[{][^)\]}]*[)\]}]?", " ", name)).lower().split())
     own = [_unit(one) for one in (unit, *brackets) if _unit(one)]
+    if _CURRENT.search(name):
+        # A unit of pressure next to that of the current belongs to the range of the gauge, as in "4-20 mA (0-350 bar)".
+        own = ["ma"]
     # The unit may be the last word, or follow the name and a dot as in LAS.
     first, _, last = words.replace(".", " ").rpartition(" ")
     if not own and first and (last in table_times.UNITS or last in PRESSURES):

@@ -35,6 +35,8 @@ from mwd_surface.uncertainty.programme import Interval, SurveyProgramme
 
 # Smallest number of stations for a multi-station analysis.
 _TOGETHER = 3
+# Smallest difference between two azimuths of one survey, in sigmas, that chance and correlated errors do not explain.
+_CONTRADICTS = 4.0
 # Largest distance between the places that two sources of one well state, m. Places are rounded, and may be those of the
 # rig or of the field; 10 km is also the largest distance of a first station from its wellhead (`clearance.py`).
 _SAME_WELL = 10e3
@@ -322,7 +324,8 @@ def _analysed(surveys: SurveyList, code: str) -> tuple[SurveyList, tuple[str, ..
         s = record.survey
         if s.has_readings and s.has_reference and math.isfinite(sum(s.magnetic_field) + sum(s.specific_force)):
             runs.setdefault((record.leg, record.tool), []).append(record)
-    found, remarks = {}, []
+    found: dict[str, Survey] = {}
+    remarks = []
     for (leg, tool), records in runs.items():
         if len(records) < _TOGETHER:
             continue
@@ -343,12 +346,40 @@ def _analysed(surveys: SurveyList, code: str) -> tuple[SurveyList, tuple[str, ..
                 float(sigma),
                 reason=refused,
             )
-            found[record.survey.uuid] = estimate
+            found[record.survey.uuid] = _with_estimate(record, estimate)
+        if not refused:
+            remarks += _contradiction(run, [found[record.survey.uuid] for record in records])
     records_now = [
-        r if r.survey.uuid not in found else dataclasses.replace(r, survey=_with_estimate(r, found[r.survey.uuid]))
+        r if r.survey.uuid not in found else dataclasses.replace(r, survey=found[r.survey.uuid])
         for r in surveys.records
     ]
     return surveys.with_records(records_now), tuple(remarks)
+
+
+def _contradiction(run: str, surveys: Sequence[Survey]) -> list[str]:
+    """
+    Return a remark if a multi-station analysis contradicts the azimuths of its surveys, else an empty list.
+
+    The analysis knows errors of the string and of the sensors only. A field from outside the string, or an azimuth
+    that a gyro has decided, shows as a contradiction, and its sigma is then meaningless.
+    """
+    apart = []
+    for survey in surveys:
+        msa = next((one for one in survey.azimuths if one.method == AzimuthMethod.MULTI_STATION), None)
+        if msa is not None and survey.has_azimuth:
+            difference = math.remainder(msa.azimuth - survey.azimuth, math.tau)
+            apart.append((abs(difference) / math.hypot(msa.sigma, survey.sigma_azimuth), abs(difference), survey))
+    worst = max(apart, key=lambda one: one[0], default=None)
+    if worst is None or not worst[0] > _CONTRADICTS:
+        return []
+    sigmas, difference, survey = worst
+    where = f"by {math.degrees(difference):.1f} deg or {sigmas:.0f} sigma at survey {survey.sequence}"
+    return [
+        (
+            f"the azimuths by multi-station analysis of {run} contradict the azimuths of the list, {where}: the "
+            "analysis does not know a field from outside the string, so its azimuths and their sigmas are not valid"
+        )
+    ]
 
 
 _READINGS = ("specific_force", "magnetic_field")

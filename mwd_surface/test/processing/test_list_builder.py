@@ -214,6 +214,7 @@ def test_depths_come_from_a_table_by_time_or_number(tmp_path, live):
         summary = processed(bag, tmp_path / "out", depths=str(table), sensor_to_bit_m=10.0)
         assert summary.surveys[0][1] == pytest.approx(depth, nan_ok=True)
         assert summary.depths == f"from the table {table}"
+        assert summary.depth_table
         assert bool(summary.listed.records[0].comment) == math.isnan(depth)
 
 

@@ -252,10 +252,11 @@ def test_samples_under_stamps_of_a_second_are_spread_evenly(read, first):
     assert "spread evenly" in notes(found)
 
 
-def test_a_current_loop_has_the_shape_of_the_pressure_and_a_broken_wire_is_missing(read):
+@pytest.mark.parametrize("name", ["loop (mA)", "SPP 4-20 mA (0-350 bar)", "pressure 4 to 20 (bar)", "spp_ma"])
+def test_a_current_loop_has_the_shape_of_the_pressure_and_a_broken_wire_is_missing(read, name):
     current = 4.0 + 16.0 * (PRESSURE - 1.9e7) / 2e6
     current[9] = 0.02
-    found = read(table("time_s,loop (mA)", lambda k, t, _p: f"{t},{current[k]:.6f}"))
+    found = read(table(f"time_s,{name}", lambda k, t, _p: f"{t},{current[k]:.6f}"))
     assert np.corrcoef(found.pressure_pa, np.delete(PRESSURE, 9))[0, 1] == pytest.approx(1.0, abs=1e-6)
     assert "4 to 20 mA" in notes(found)
     assert "broken wire" in notes(found)

@@ -7,6 +7,7 @@ import itertools
 import math
 
 import example_surveys as example
+import numpy as np
 import pytest
 
 from mwd_estimation.core.north import North
@@ -152,6 +153,35 @@ def test_a_run_gets_an_azimuth_by_multi_station_analysis_in_its_own_north():
     assert len(with_msa) == len(final.surveys.records)
     assert all(a.north == r.survey.north for r in with_msa for a in r.survey.azimuths if a.method == "msa")
     assert all(Verdict(r.survey.verdict) for r in with_msa if r.survey.sequence == 6)
+
+
+@pytest.mark.parametrize(("turn_deg", "named"), [(0.0, False), (20.0, True)])
+def test_a_multi_station_analysis_that_contradicts_the_list_is_named(turn_deg, named):
+    run = SurveyList(well=dataclasses.replace(example.WELL, error_model="MWD+SRGM"))
+    field = 5.03e-5 * np.array([math.cos(math.radians(72.1)), 0.0, math.sin(math.radians(72.1))])
+    for k in range(1, 9):
+        inclination, azimuth, toolface = math.radians(8.0 + 7.0 * k), math.radians(40.0 + 5.0 * k), 1.9 * k
+        along = np.array(
+            [
+                math.sin(inclination) * math.cos(azimuth),
+                math.sin(inclination) * math.sin(azimuth),
+                math.cos(inclination),
+            ]
+        )
+        high = np.array([math.cos(azimuth), math.sin(azimuth), 0.0]) / math.cos(inclination) - along * math.tan(
+            inclination
+        )
+        scribe = math.cos(toolface) * high + math.sin(toolface) * np.cross(along, high)
+        axes = np.array([along, np.cross(scribe, along), scribe])
+        reading = {"specific_force": (-9.819 * axes[:, 2]).tolist(), "magnetic_field": (axes @ field).tolist()}
+        reading = {name: tuple(vector) for name, vector in reading.items()}
+        written = azimuth + math.radians(turn_deg)
+        one = example.survey(k, math.degrees(inclination), 0.0, azimuth=written, **reading)
+        run = run.add(one, 300.0 + 30.0 * k, 0.4)
+    final = final_list([ListSource("run", run, "MWD+SRGM")])
+    msa = [a.azimuth for r in final.surveys.records for a in r.survey.azimuths if a.method == "msa"]
+    assert np.degrees(msa) == pytest.approx(40.0 + 5.0 * np.arange(1, 9), abs=0.1)
+    assert any("contradict" in one for one in final.remarks) == named
 
 
 def test_a_kick_off_below_which_the_parent_ends_moves_with_the_path_that_is_used():
