@@ -106,7 +106,7 @@ class NotCompared:
     from_md: float
     to_md: float
     reason: str  #: why the part was not compared
-    #: whether the user stated that both wells are the same hole there, so that no comparison is missing
+    #: whether the user stated that both wells are the same hole in this part, so that no comparison is missing
     shared: bool = False
 
     def remark(self) -> Remark:

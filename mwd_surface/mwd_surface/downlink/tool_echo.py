@@ -18,7 +18,7 @@ from mwd_sensors.telemetry.downlink import COUNTERS, DownlinkFrame, frame_of, ne
 
 class ToolEcho:
     """
-    Set of the echo codes that the tool may send now without a new command.
+    Set of the echo codes that the tool may still send for earlier commands.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ class Sensor:
 
     columns: tuple[str, str, str]
     values: Array  #: shape (n, 3); SI, axial and the two transverse axes
-    total: float  #: expected total, SI; nan: unknown
+    total: float  #: expected length of the vector, SI; nan: unknown
     share: float  #: largest relative error of the total of correct readings
     unit: float  #: unit in which the columns were read, SI
     units: Mapping[str, float]  #: possible units of the columns by name, SI
