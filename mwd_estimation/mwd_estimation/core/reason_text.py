@@ -91,7 +91,7 @@ WORDS: dict[Code, str] = {
     Code.NORTH_UNKNOWN: "an azimuth from {names[0]} north needs the {names[1]}: the azimuth is from magnetic north",
     Code.NO_REFERENCE_FIELD: "no reference field: the azimuth is from {names[0]} north and not corrected, and total "
     "field and dip are not checked",
-    Code.STRING_ROTATED: "taken while the string turned at {value:.0f r/min}: no toolface",
+    Code.STRING_ROTATED: "the survey was taken while the string turned at {value:.0f r/min}, so it has no toolface",
     Code.SAG_CORRECTED: "inclination corrected for sag by {value:+.2f deg}",
     Code.MAGNETIC_STORM: "magnetic storm: the field at observatory {names[0]} was {value:.0f nT} off its quiet level "
     "(limit {limit:.0f nT}); the reference contains it, survey again when the field is quiet",

@@ -81,7 +81,8 @@ class LogChannel:
     )
     sensor_to_bit_m: float | None = setting(
         None,
-        "Distance of the sensor from the bit; none: the distance of the sonde. The surface uses this distance for "
+        "Distance of the sensor from the bit; none: the distance from the sonde to the bit. The surface uses this "
+        "distance for "
         "values that were received as words.",
         low=0.0,
         high=100.0,

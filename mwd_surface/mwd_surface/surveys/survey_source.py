@@ -159,7 +159,7 @@ def _stored(folder: Path) -> tuple[SurveyList, tuple[str, ...]]:
             why.append(f"{folder / name} is not complete ({error})")
             continue
         if name != FILES[0]:
-            why.append(f"surveys taken from {name}: the last change may be missing")
+            why.append(f"surveys read from {name}: the last change may be missing")
         return _remarked(surveys, why)
     raise ValueError("; ".join(why))
 
