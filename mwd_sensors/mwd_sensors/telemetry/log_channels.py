@@ -205,7 +205,9 @@ def check(channels: Mapping[str, LogChannel], words: Mapping[str, Word]) -> None
     """
     for name in channels:
         if not is_channel_name(name):
-            raise ValueError(f"channels.{name}: a name has up to 32 letters, digits and underscores, a letter first")
+            raise ValueError(
+                f"channels.{name}: a name has up to 32 letters, digits and underscores and begins with a letter"
+            )
     for word, item in carried(channels).items():
         if word not in words:
             raise ValueError(f"channels.{item.name}: no word {word} in the table of words; add it to `words`")

@@ -25,7 +25,7 @@ class ToolEcho:
     heard : int, optional
         Code of the last echo received; None: no echo was received yet, so any code is possible.
     sent : sequence of int
-        Codes of the commands sent since that echo, oldest first.
+        Codes of the commands sent since the last echo, oldest first.
     """
 
     def __init__(self, heard: int | None = None, sent: Sequence[int] = ()) -> None:

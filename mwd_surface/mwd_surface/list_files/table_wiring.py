@@ -76,12 +76,20 @@ class ExpectedRows:
 
 
 def accelerometers(columns: tuple[str, str, str], f_t: Array, unit: float) -> Sensor:
-    """Return the accelerometers of a run; f_t, m/s^2, shape (n, 3); unit: unit of the columns, m/s^2."""
+    """
+    Return the accelerometers of a run.
+
+    f_t, shape (n, 3): readings, m/s^2; unit: unit of the columns, m/s^2.
+    """
     return Sensor(columns, f_t, STANDARD_GRAVITY, _GRAVITY_SHARE, unit, _ACCELERATIONS)
 
 
 def magnetometers(columns: tuple[str, str, str], b_t: Array, total: float, unit: float) -> Sensor:
-    """Return the magnetometers of a run; b_t: T, (n, 3); total: reference field, T, or nan; unit: of the columns, T."""
+    """
+    Return the magnetometers of a run.
+
+    b_t, shape (n, 3): readings, T; total: reference field, T, nan if unknown; unit: unit of the columns, T.
+    """
     return Sensor(columns, b_t, total, _FIELD_SHARE, unit, _FIELDS)
 
 
