@@ -48,7 +48,9 @@ check: lint
 test:
 	@$(MAKE) --no-print-directory --jobs 2 lint suite
 
+# The first pass writes the byte code of all tests: four workers that start together would each make all of it.
 suite: setup
+	@$(CLEAN) $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
 	@$(PYTEST) -m "not nightly"
 
 test-ubuntu: BIN := .venv-ubuntu/bin

@@ -167,6 +167,14 @@ def resize(browser, size):
     )
 
 
+def in_each_size(browser, sizes=ALL_SIZES):
+    """Yield sizes of the window, each when the page has been drawn in it."""
+    for size in sizes:
+        resize(browser, size)
+        browser.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
+        yield size
+
+
 def show(browser, rig, size=(1024, 768), path=""):
     resize(browser, size)
     browser.get(rig.server.address + path)

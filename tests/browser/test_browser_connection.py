@@ -11,7 +11,7 @@ from mwd_surface.live.settings import LiveSettings
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
 
-pytestmark = pytest.mark.slow(0.1)
+pytestmark = pytest.mark.slow(2)
 
 
 def test_a_tool_that_falls_silent_is_stale_while_the_link_lives(browser):

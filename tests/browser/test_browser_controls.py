@@ -17,7 +17,7 @@ from mwd_surface.live.well_state import RodCount
 from mwd_surface.surveys.survey_record import Value
 from mwd_surface.trajectory.advice import Advice, AdviceMode
 
-pytestmark = pytest.mark.slow(0.1)
+pytestmark = pytest.mark.slow
 
 
 def test_without_a_token_on_the_server_there_is_nothing_to_press(browser):

@@ -9,7 +9,7 @@ import pytest
 from browser_page import EVIL, By, click, rig_on, steered, tab, text, wait
 from mwd_surface.language.language import language
 
-pytestmark = pytest.mark.slow(0.3)
+pytestmark = pytest.mark.slow(2)
 
 CHINESE = language("zh_CN")
 TABS = ("surveys", "path", "charts", "logs", "steering", "link", "alarms", "system", "controls")

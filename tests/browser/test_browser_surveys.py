@@ -6,12 +6,12 @@ import time
 
 import pytest
 
-from browser_page import ALL_SIZES, EVIL, By, click, rig_on, survey, tab, text, wait
+from browser_page import EVIL, By, click, in_each_size, rig_on, survey, tab, text, wait
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import SurveyProgress
 from mwd_surface.surveys.mine_hole import CONSISTENT, Branch, Closure
 
-pytestmark = pytest.mark.slow(0.1)
+pytestmark = pytest.mark.slow
 
 
 def test_the_survey_table_has_words_for_verdicts_and_a_projected_last_line(browser):
@@ -107,20 +107,20 @@ LINES = """
 """
 
 
-@pytest.mark.parametrize("size", ALL_SIZES)
-def test_the_box_of_reasons_shows_whole_lines_only(browser, size):
-    with rig_on(browser, size) as rig:
+def test_the_box_of_reasons_shows_whole_lines_only(browser):
+    with rig_on(browser) as rig:
         reasons = tuple(f"possible disturbances of the field: string magnetised {k} %, storm" for k in range(9))
         rig.list = rig.list.add(survey(5, headline="External field: use a gyro", reasons=reasons), 1500.0, 1.0)
         rig.publish()
         wait(browser, lambda: "magnetised 8 %" in text(browser, "#reasons"))
-        lines, top, bottom, hidden = browser.execute_script(LINES)
-        whole = [top - 1.0 <= first and last <= bottom + 1.0 for first, last in lines]
-        outside = [last <= top + 1.0 or first >= bottom - 1.0 for first, last in lines]
-        assert sum(whole) > 1
-        assert all(inside or away for inside, away in zip(whole, outside, strict=True))
-        # On a phone the page scrolls, not the box.
-        assert hidden == 0 or size[0] >= 1024
+        for size in in_each_size(browser):
+            lines, top, bottom, hidden = browser.execute_script(LINES)
+            whole = [top - 1.0 <= first and last <= bottom + 1.0 for first, last in lines]
+            outside = [last <= top + 1.0 or first >= bottom - 1.0 for first, last in lines]
+            assert sum(whole) > 1, size
+            assert all(inside or away for inside, away in zip(whole, outside, strict=True)), size
+            # On a phone the page scrolls, not the box.
+            assert hidden == 0 or size[0] >= 1024, size
 
 
 LONG = (
@@ -129,9 +129,8 @@ LONG = (
 )
 
 
-@pytest.mark.parametrize("size", ALL_SIZES)
-def test_the_instruction_of_a_doubtful_survey_is_read_to_its_end(browser, size):
-    with rig_on(browser, size) as rig:
+def test_the_instruction_of_a_doubtful_survey_is_read_to_its_end(browser):
+    with rig_on(browser) as rig:
         doubtful = {"verdict": 1, "verdict_azimuth": 1, "headline": LONG, "reasons": ("total field is 380 nT over",)}
         rig.list = rig.list.add(survey(5, **doubtful), 1500.0, 1.0)
         rig.publish()
@@ -141,7 +140,8 @@ def test_the_instruction_of_a_doubtful_survey_is_read_to_its_end(browser, size):
           const bottom = words.getBoundingClientRect().bottom - room.getBoundingClientRect().bottom;
           return [words.scrollWidth - words.clientWidth, words.scrollHeight - words.clientHeight, bottom];
         """
-        assert max(browser.execute_script(cut)) <= 1
+        for size in in_each_size(browser):
+            assert max(browser.execute_script(cut)) <= 1, size
 
 
 def test_the_steering_tab_shows_the_branches_of_a_mine_hole_and_its_closure_with_the_verdict(browser):

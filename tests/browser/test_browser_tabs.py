@@ -24,7 +24,7 @@ from browser_page import (
 from mwd_surface.live.inputs import InputState, InputTable, Role, StampClock
 from mwd_surface.live.link_state import LOCKED, SEARCHING, LinkStatus
 
-pytestmark = pytest.mark.slow(0.1)
+pytestmark = pytest.mark.slow
 
 
 def test_offset_wells_stand_beside_the_path_with_level_factor_and_distance(browser):

@@ -14,7 +14,7 @@ from running_graph import until
 
 PAGE = ROOT / "docs" / "rig" / "control.md"
 STEERED = ROOT / "tests" / "graph" / "scenarios" / "steered.yaml"
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(3)]
 
 # Somebody who sends without a lease of his own, to the authority and past it.
 INTRUDER = """

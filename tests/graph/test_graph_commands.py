@@ -6,7 +6,7 @@ import pytest
 import running_graph
 from running_graph import PLACE
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(8)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(17)]
 
 # Words of each command, what it prints and its status.
 COMMANDS = (

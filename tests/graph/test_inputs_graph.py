@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message
 import running_graph
 from running_graph import until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(5)]
 KINDS = {"inputs": InputList, "alarms": AlarmList, "rig/state": RigState}
 
 

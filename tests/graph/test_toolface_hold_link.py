@@ -16,7 +16,7 @@ from mwd_surface.receiver.link.link_attitude import AgeRules
 from mwd_surface.receiver.link.link_feed import LinkFeed
 from mwd_surface.runs.simulate import SimulatedTool
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(3)
 
 SCENARIO = Path(__file__).parent / "scenarios" / "steered_link.yaml"
 WANTED = math.radians(60.0)

@@ -22,12 +22,13 @@ from page_states import differences
 from project import SCENARIOS
 from running_graph import until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow(11)]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(18)]
 
 TOKEN = "look-twice-first"  # noqa: S105
 # The ellipses are computed in the background, on a busy machine for seconds.
 EXCEPT = ("path.ellipses",)
-# Pace of each scenario, and its samples in a second: most of the time of the nodes goes by the number of messages.
+# Pace of each scenario, and its samples in a second: most of the time of the nodes goes by the number of messages. In
+# the gate, what a page shows over a link is compared without nodes, by `test_viewer_is_live.py`.
 RUNS = {"demo": (2, 50), "telemetry_deep": (10, 25)}
 STATES, EVERY_S = 20, 0.5
 
@@ -51,7 +52,7 @@ def operate(address, name, **given):
         return json.load(refused)
 
 
-@pytest.fixture(scope="module", params=sorted(RUNS))
+@pytest.fixture(scope="module", params=["demo", pytest.param("telemetry_deep", marks=pytest.mark.nightly)])
 def run(request, tmp_path_factory):
     """States of the page of a run, and its recording."""
     folder = tmp_path_factory.mktemp(request.param)

@@ -270,6 +270,14 @@ def geographic(crs: str, easting: ArrayLike, northing: ArrayLike) -> tuple[Array
     return np.radians(lat_deg), np.radians(lon_deg)
 
 
+def distance(lat: float, lon: float, other_lat: float, other_lon: float) -> float:
+    """Return the distance between two places on the ellipsoid of WGS 84, m; all angles in rad."""
+    import pyproj
+
+    geodesic = pyproj.Geod(ellps="WGS84").inv(lon, lat, other_lon, other_lat, radians=True)
+    return float(geodesic[2])
+
+
 def utm_zone(lat: float, lon: float) -> str:
     """
     Return the EPSG code of the UTM zone, with the wider zones of south-western Norway and Svalbard; lat, lon in rad.

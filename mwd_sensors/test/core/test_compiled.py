@@ -38,7 +38,7 @@ def _total(columns, k):
     return columns.first_of_three[k] + columns.second_of_three[k] + columns.third_of_three[k]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_a_kernel_tells_apart_the_layouts_of_columns_and_keeps_nothing_of_a_call():
     table = np.arange(12.0).reshape(4, 3)
     spread, packed = _Columns(*table.T), _Columns(*np.ascontiguousarray(table.T))
@@ -92,7 +92,7 @@ def sources(tmp_path):
     return Sources(tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_a_changed_callee_in_another_module_is_compiled_anew(sources):
     callee = KERNEL + "@compiled\ndef step(x):\n    return x + {}\n"
     caller = "import mwd_callee\n\n@compiled\ndef run(x):\n    return 10 * mwd_callee.step(x)\n\n"
@@ -104,7 +104,7 @@ def test_a_changed_callee_in_another_module_is_compiled_anew(sources):
     assert sources.run("mwd_caller") == ["230", "0"]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_an_installation_by_links_uses_the_machine_code_of_the_sources(tmp_path):
     twice = "@compiled\ndef twice(x):\n    return 2 * x\n\nprint(twice(4), len(twice.stats.cache_hits))\n"
     Sources(tmp_path / "sources").write(mwd_twice=KERNEL + twice)
@@ -113,7 +113,7 @@ def test_an_installation_by_links_uses_the_machine_code_of_the_sources(tmp_path)
     assert found == [["8", "0"], ["8", "1"]]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_a_kernel_is_compiled_anew_when_its_parameters_change_places_or_their_module_has_another_name(sources):
     for module, fields in (
         ("mwd_before", ("low", "top")),
@@ -125,7 +125,7 @@ def test_a_kernel_is_compiled_anew_when_its_parameters_change_places_or_their_mo
         (sources.folder / f"{module}.py").unlink()
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_a_callee_is_compiled_once_for_a_type_whatever_the_numbers_in_the_call(sources):
     sources.write(
         mwd_powers=KERNEL + "@compiled\ndef power(base, exponent):\n    return base**exponent\n\n"
@@ -135,7 +135,7 @@ def test_a_callee_is_compiled_once_for_a_type_whatever_the_numbers_in_the_call(s
     assert sources.run("mwd_powers") == ["44", "1"]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_kernels_being_compiled_are_reported_once_and_compiled_once_by_processes_that_need_them_together(sources):
     sources.write(
         mwd_shared=KERNEL + "@compiled\ndef part(n):\n    return n + 1\n\n"
@@ -157,7 +157,7 @@ def test_kernels_being_compiled_are_reported_once_and_compiled_once_by_processes
 STEP = KERNEL + "@compiled\ndef step(x):\n    return x + {}\n\nprint(step(1), len(step.stats.cache_hits))\n"
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_machine_code_is_kept_for_one_version_and_for_the_user_where_the_module_cannot_have_it(tmp_path, monkeypatch):
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     sources = Sources(tmp_path, XDG_CACHE_HOME=str(tmp_path / "user"))
@@ -169,7 +169,7 @@ def test_machine_code_is_kept_for_one_version_and_for_the_user_where_the_module_
         assert any(folder.rglob("*.nbc"))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_installations_that_share_a_cache_leave_each_other_their_machine_code(tmp_path):
     one, two = (Sources(tmp_path / name, NUMBA_CACHE_DIR=str(tmp_path / "cache")) for name in ("one", "two"))
 

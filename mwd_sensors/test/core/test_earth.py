@@ -158,6 +158,11 @@ def test_utm_zones_go_round_the_earth(lon_deg, lat_deg, zone):
     assert earth.utm_zone(math.radians(lat_deg), math.radians(lon_deg)) == f"EPSG:{zone}"
 
 
+def test_a_minute_of_latitude_is_a_nautical_mile():
+    lat, minute = math.radians(45.0), math.radians(1.0 / 60.0)
+    assert earth.distance(lat, 1.0, lat + minute, 1.0) == pytest.approx(1852.0, abs=2.0)
+
+
 def test_a_place_has_coordinates_and_scale_in_its_map_grid():
     """On the central meridian easting is 500 km and the scale 0.9996; the equator has northing 0."""
     at = earth.map_grid(0.0, math.radians(3.0))

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-pytestmark = pytest.mark.slow(0.4)
+pytestmark = pytest.mark.slow
 
 pytest.importorskip("rclpy")
 

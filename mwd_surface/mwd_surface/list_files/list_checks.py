@@ -61,9 +61,18 @@ def check_depths(md: Array, at: Sequence[str], given: Given) -> tuple[Remark, ..
     raise ListFileError(f"{text}; check the unit and the decimal mark, or confirm it with --confirm depth")
 
 
+def are_sharp(turned: Array, length: Array) -> np.ndarray:
+    """
+    Return which doglegs are above 30 deg/30 m plus 1 deg, almost always errors in the list, bool, shape (n,).
+
+    turned, length: change of direction, rad, and distance, m, between n pairs of neighbouring stations.
+    """
+    return np.asarray(turned > _DOGLEG * length + _ROUNDING)
+
+
 def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given: Given) -> tuple[Remark, ...]:
     """
-    Refuse doglegs above 30 deg/30 m plus 1 deg, almost always errors in the list; return a remark if confirmed.
+    Refuse doglegs that are sharp (`are_sharp`); return a remark if the caller has confirmed them.
 
     columns: measured depth, m, inclination and azimuth, rad. at: place of each station in the file, for messages.
 
@@ -75,7 +84,7 @@ def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given:
     md, inc, azi = columns
     turned = mc.dogleg(inc[:-1], azi[:-1], inc[1:], azi[1:])
     length = np.diff(md)
-    sharp = np.flatnonzero(turned > _DOGLEG * length + _ROUNDING)
+    sharp = np.flatnonzero(are_sharp(turned, length))
     if not sharp.size:
         return ()
     k = int(sharp[0])

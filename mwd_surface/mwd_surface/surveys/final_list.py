@@ -21,7 +21,9 @@ from mwd_estimation.core.reason_text import text
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.survey import AzimuthEstimate, Survey
 from mwd_estimation.survey.tool_code import sensor_errors
+from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array
+from mwd_surface.list_files.list_checks import are_sharp
 from mwd_surface.surveys import multi_station_analysis
 from mwd_surface.surveys.leg import Leg
 from mwd_surface.surveys.survey_list import SurveyList
@@ -36,10 +38,6 @@ _TOGETHER = 3
 # Largest distance between the places that two sources of one well state, m. Places are rounded, and may be those of the
 # rig or of the field; 10 km is also the largest distance of a first station from its wellhead (`clearance.py`).
 _SAME_WELL = 10e3
-_EARTH_RADIUS = 6371e3
-# Largest plausible dogleg severity, rad/m, and error of the angles of two stations, rad, as in `list_checks.py`.
-_SHARPEST = math.radians(30.0) / 30.0
-_ROUNDING = math.radians(1.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,11 +114,7 @@ def _check_place(first: ListSource, other: ListSource) -> None:
         if well.latitude_deg is None or well.longitude_deg is None:
             return
         places.append((well.latitude_deg, well.longitude_deg))
-    (lat_1, lon_1), (lat_2, lon_2) = [(math.radians(lat), math.radians(lon)) for lat, lon in places]
-    half = math.hypot(
-        math.sin((lat_2 - lat_1) / 2.0), math.sqrt(math.cos(lat_1) * math.cos(lat_2)) * math.sin((lon_2 - lon_1) / 2.0)
-    )
-    distance = 2.0 * _EARTH_RADIUS * math.asin(min(half, 1.0))
+    distance = earth.distance(*(math.radians(angle) for place in places for angle in place))
     if distance > _SAME_WELL:
         at = [f"{lat:.4f}, {lon:.4f} deg" for lat, lon in places]
         raise ValueError(
@@ -135,11 +129,11 @@ def _sharp_joints(final: FinalList) -> list[str]:
     names = [final.sources.get(number, "") for number in path.sequence]
     length = np.diff(path.md, prepend=path.md[:1])
     turned = path.dogleg_severity * length
-    sharp = turned > _SHARPEST * length + _ROUNDING
+    sharp = are_sharp(turned, length)
     return [
-        f"between {path.md[k - 1]:.1f} m ({names[k - 1]}) and {path.md[k]:.1f} m ({names[k]}) the path turns by "
-        f"{math.degrees(turned[k]):.1f} deg, which is implausible: check that both sources are lists of this hole, "
-        "with the same north and the same datum of depth"
+        f"an implausible dogleg of {math.degrees(turned[k]):.1f} deg from {path.md[k - 1]:.1f} m ({names[k - 1]}) to "
+        f"{path.md[k]:.1f} m ({names[k]}): check that both sources are of this hole and have the same north and depth "
+        "datum"
         for k in range(1, path.md.size)
         if sharp[k] and names[k - 1] and names[k] not in ("", names[k - 1])
     ]

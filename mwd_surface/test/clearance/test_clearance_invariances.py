@@ -17,7 +17,7 @@ from mwd_surface.clearance.clearance import ClearanceLevel, ClearanceRule, check
 from mwd_surface.uncertainty.error_terms import ErrorReference, ErrorTool
 from mwd_surface.uncertainty.position_covariance import StationErrors, UncertainWell
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(2)
 
 REFERENCE = ErrorReference(math.radians(58), 51e-6, math.radians(71), math.radians(-2), math.radians(1.5))
 RULE = ClearanceRule()

@@ -88,7 +88,7 @@ def test_the_azimuth_of_vertical_stations_changes_no_covariance(one, printed):
 
 
 @pytest.mark.parametrize("code", CODES)
-@pytest.mark.parametrize("kind", ["S", "horizontal"])
+@pytest.mark.parametrize("kind", ["S", pytest.param("horizontal", marks=pytest.mark.nightly)])
 def test_any_azimuths_at_the_vertical_stations_of_a_shape_give_one_clearance(code, kind):
     md = depths(700.0, 30.0)
     inc, azi = shape(kind, md, min(80.0, CODES[code]), 1.0)
@@ -107,12 +107,17 @@ def test_any_azimuths_at_the_vertical_stations_of_a_shape_give_one_clearance(cod
     assert np.ptp(np.array(found), axis=0) == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
+# In the gate, `test_clearance_invariances.py` shows that order and map change nothing, with wells of one code.
+
+
+@pytest.mark.nightly
 @bounded
 @given(pair=pairs())
 def test_the_order_of_two_shaped_wells_changes_nothing(pair):
     assert least(clearance(pair[1], pair[0], RULE)) == pytest.approx(least(clearance(*pair, RULE)), rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.nightly
 @bounded
 @given(pair=pairs(), north=st.floats(-2000.0, 2000.0), east=st.floats(-2000.0, 2000.0), turn=st.floats(-3.1, 3.1))
 def test_a_shifted_and_turned_map_changes_no_clearance_of_shaped_wells(pair, north, east, turn):

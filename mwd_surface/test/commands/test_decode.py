@@ -70,7 +70,7 @@ def test_a_configuration_is_not_overwritten(folder):
         run("tool", "new", "-o", folder / "tool.yaml")
 
 
-@pytest.mark.slow
+@pytest.mark.slow(7)
 def test_another_pulse_width_of_the_tool_is_said_and_used(tmp_path):
     """A tool of few words: the search for its width takes a tenth of a second for each second of pressure."""
     text = 'transmit_delay_s: 20\nsurvey_sequences: ["Inc:12:P"]\ntoolface_sequences: ["aTFA:6:P"]\npulse_width_s: '
@@ -86,7 +86,7 @@ def test_another_pulse_width_of_the_tool_is_said_and_used(tmp_path):
     assert "the tool sends pulses of 0.8 s, not of 0.37 s as set here" in " ".join(said.split())
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 @pytest.mark.parametrize(("code", "recording"), [("psk", "pressure.csv"), ("serial", "bytes.bin")])
 def test_other_codes_are_simulated_and_decoded(tmp_path, code, recording):
     run("tool", "new", "-o", tmp_path / "tool.yaml", "--code", code)

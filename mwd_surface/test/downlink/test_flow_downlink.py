@@ -93,7 +93,7 @@ def loop():
     return one
 
 
-@pytest.mark.slow
+@pytest.mark.slow(4)
 def test_an_abort_gives_the_flow_back_within_a_second_and_the_tool_obeys_nothing(loop):
     assert loop.send() == DownlinkState.RUNNING
     while loop.flows[-1][1] > 0.85 * FULL:
@@ -111,7 +111,7 @@ def test_an_abort_gives_the_flow_back_within_a_second_and_the_tool_obeys_nothing
     assert {code for _, code in loop.echoes} == {0}
 
 
-@pytest.mark.slow
+@pytest.mark.slow(8)
 def test_a_command_is_confirmed_by_the_tool_s_own_answer_in_new_pulses(loop):
     assert loop.send() == DownlinkState.RUNNING
     seconds = loop.machine.programme.duration_s + 600.0

@@ -74,15 +74,20 @@ COMMANDS = {
     "plan": (("export", "{path}", "-f", "csv", "-o", "c.csv", "--plan", "x.csv"), "--plan-set"),
     "against": (("path", "{own}", "-o", "d", "--against", "x.csv"), "--against-set"),
 }
-# In the gate each list with one command, and each command with a list that needs no word, one word and several.
+# In the gate each list with one command, and each command with a list that needs no word, one word and several; of a
+# forecast, which computes for seconds, the one word.
 FEW = ("plain", "unit", "columns")
+
+
+def is_nightly(name, command):
+    return command != "plan" and (name not in FEW or (command == "forecast" and name != "unit"))
 
 
 @pytest.mark.slow(0.3)
 @pytest.mark.parametrize(
     ("name", "command"),
     [
-        pytest.param(name, command, marks=() if name in FEW or command == "plan" else pytest.mark.nightly)
+        pytest.param(name, command, marks=pytest.mark.nightly if is_nightly(name, command) else ())
         for name in (*LISTS, "plain")
         for command in COMMANDS
     ],

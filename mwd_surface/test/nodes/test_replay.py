@@ -33,7 +33,7 @@ from mwd_sensors.ros.time_stamps import stamp  # noqa: E402
 from mwd_surface.nodes import replay  # noqa: E402
 from mwd_surface.ros.topics import TOPICS, message_class, profile_yaml  # noqa: E402
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(3)
 
 START = 1_772_344_800_000_000_000
 # Reliable, as a replay offers it: on a busy machine a listener may not lose what is compared one by one.

@@ -15,7 +15,7 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.budgets import BudgetError
 from mwd_surface.receiver import pressure_files, table_times
 
-COUNT, STEP = 400, 0.02
+COUNT, STEP = 200, 0.02
 TIME = np.arange(COUNT) * STEP
 PRESSURE = 2.0e7 + 1e5 * np.random.default_rng(1).normal(size=COUNT)
 START = dt.datetime(2026, 3, 1, 23, 59, 57, tzinfo=dt.UTC)
@@ -131,7 +131,8 @@ def end_of_summer_time(k, _time, pressure):
 def second_of_two(k, _time, pressure):
     """Return a row of two quantities, each with its own time; the first has fewer samples."""
     iso = TIMES["iso"][2]
-    return f"{iso[k + 9] if k < 200 else ''},{'7' if k < 200 else ''},{iso[k]},{pressure}"
+    first = f"{iso[k + 9]},7" if k < COUNT // 2 else ","
+    return f"{first},{iso[k]},{pressure}"
 
 
 def with_thousands(separator, decimal, mark):
@@ -307,12 +308,12 @@ def set_back(seconds):
     ("rows", "note"),
     [
         (TEXTS[::-1], "falling order"),
-        (TEXTS[100:200] + TEXTS[:100] + TEXTS[200:], "sorted"),
+        (TEXTS[50:100] + TEXTS[:50] + TEXTS[100:], "sorted"),
         ([*TEXTS[:9], TEXTS[10], TEXTS[9], *TEXTS[11:]], "sorted"),
         (set_back(3600), "set back 1 times, first by 3599.98 s"),
         (set_back(1), "set back"),
         ([row for row in TEXTS for _ in range(2)], "repeat"),
-        (TEXTS[:300] + TEXTS[200:], "repeat"),
+        (TEXTS[:150] + TEXTS[100:], "repeat"),
         (TEXTS + TEXTS, "repeat"),
         ([*TEXTS[:9], *TEXTS[3:]], "repeat"),
     ],

@@ -102,7 +102,7 @@ def test_a_gyro_has_sigmas_but_no_limits():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("axial_nt", [0.0, 600.0])
+@pytest.mark.parametrize("axial_nt", [pytest.param(0.0, marks=pytest.mark.nightly), 600.0])
 def test_the_share_accepted_is_that_of_the_product_s_own_verdict(axial_nt):
     found = along(60.0, axial=axial_nt * 1e-9)
     errors, coded = tool_code.sensor_errors(CODE), tool_code.reference_for(CODE, REFERENCE)
