@@ -52,7 +52,7 @@ def port_problem(error: OSError, host: str, port: int) -> str:
         return f"{where}: this machine finds no address for the name {host!r} ({why}); correct it, or set 127.0.0.1"
     if error.errno == errno.EADDRINUSE:
         return (
-            f"{where} is taken (`ss -ltnp 'sport = :{port}'` names the program);"
+            f"{where} is in use (`ss -ltnp 'sport = :{port}'` names the program);"
             " stop that program, or set another port (0 selects a free one)"
         )
     if error.errno in (errno.EACCES, errno.EPERM):

@@ -44,7 +44,9 @@ class Component:
     youngs_modulus_gpa: float = setting(
         206.0, "Young's modulus: 206 for steel, 195 for non-magnetic steel.", unit="GPa", low=10.0, high=500.0
     )
-    magnetic: bool = setting(True, "Made of magnetic steel; false for non-magnetic collars and housings.")
+    magnetic: bool = setting(
+        True, "Whether the component is made of magnetic steel; false for non-magnetic collars and housings."
+    )
     pole_uwb: float = setting(0.0, "Strength of its magnetic poles, as measured; 0: unknown.", low=0.0, high=10000.0)
     blades: tuple[Blade, ...] = setting((), "Stabiliser blades of the component.")
 

@@ -105,7 +105,7 @@ def correction_of(assembly: Assembly) -> SagCorrection:
 
 
 def _nodes(assembly: Assembly, ends: Array) -> tuple[Array, Array]:
-    """Return the nodes, m from the bit, and their clearances, m; ends: upper ends of the components, m from the bit."""
+    """Return the nodes of the beam, m from the bit, and their clearances, m; ends: upper ends of the components, m."""
     bodies = np.array([part.od_mm for part in (*assembly.components, assembly.components[-1])])
     starts = np.concatenate([[0.0], ends[:-1]])
     blades = {

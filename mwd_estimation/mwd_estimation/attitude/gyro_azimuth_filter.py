@@ -524,7 +524,12 @@ def azimuth_sigma(s: GyroAzimuthState) -> float:
 
 @compiled
 def magnetic(p: GyroAzimuthParams, s: GyroAzimuthState, measured: MagneticAzimuth, azimuth: float) -> None:
-    """Process a magnetic azimuth; azimuth is `measured.azimuth` propagated to the end of the bin, rad."""
+    """
+    Process a magnetic azimuth.
+
+    measured: the magnetic azimuth with its sigmas; azimuth: the value of this azimuth propagated by the gyros to the
+    end of the bin, rad.
+    """
     held, white, constant = measured.sigma_held, measured.sigma_noise, measured.sigma_constant
     variance, extra = held * held + white * white, held * held * (p.held_repeats - 1.0)
     if measured.restart:

@@ -86,7 +86,7 @@ class MagneticDelay:
         """
         Accept unit vectors down in tool axes, shape (n, 3), and rates about x, rad/s, shape (n,); NaN if unknown.
 
-        stamps: ns, shape (n,); each must be later than all stamps before.
+        stamps: ns, shape (n,); they must increase, also from one call to the next.
         """
         if len(stamps):
             self._imu.append((stamps, np.column_stack([g_t[:, 1:], rate_x])))

@@ -31,7 +31,7 @@ class Sample:
     sigma_toolface: float
     non_gravity: float
     rotary_speed: float
-    gyro_step: float  #: as in `core.track.Track`
+    gyro_step: float  #: time since a revealed step of the gyro bias, s, as in `core.track.Track`
     #: `status`, `suspect`: bits of `Status`; and suspect sensors, as bits of `core.sensor_fault`.
     status: int
     suspect: int

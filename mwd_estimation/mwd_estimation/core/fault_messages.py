@@ -294,7 +294,7 @@ _DESCRIPTIONS = {
     ),
     FaultCode.REPLAYED: _Description(
         _plain(
-            "samples sent before come again with new stamps",
+            "earlier samples arrive again with new stamps",
             "the link plays old data: clear its buffer and take the surveys of this time again",
         )
     ),

@@ -91,7 +91,7 @@ WORDS: dict[Code, str] = {
     Code.NORTH_UNKNOWN: "an azimuth from {names[0]} north needs the {names[1]}: the azimuth is from magnetic north",
     Code.NO_REFERENCE_FIELD: "no reference field: the azimuth is from {names[0]} north and not corrected, and total "
     "field and dip are not checked",
-    Code.STRING_ROTATED: "taken while the string turned at {value:.0f r/min}: no toolface",
+    Code.STRING_ROTATED: "the survey was taken while the string turned at {value:.0f r/min}, so it has no toolface",
     Code.SAG_CORRECTED: "inclination corrected for sag by {value:+.2f deg}",
     Code.MAGNETIC_STORM: "magnetic storm: the field at observatory {names[0]} was {value:.0f nT} off its quiet level "
     "(limit {limit:.0f nT}); the reference contains it, survey again when the field is quiet",
@@ -143,8 +143,8 @@ WORDS: dict[Code, str] = {
     "check place, date and magnetic storms",
     Code.UNCERTAIN_SENSOR: _UNCERTAIN + "a sensor may be out of calibration, or shielded by magnetic mud; "
     "check the tool at surface",
-    Code.UNCERTAIN_FOR_ANY_TOOL: "the sigma of the azimuth is {value:.0f deg}; here it is {limit:.0f deg} even for "
-    "a faultless magnetic tool: the horizontal field is weak, or the string is of steel; use a gyro",
+    Code.UNCERTAIN_FOR_ANY_TOOL: "the sigma of the azimuth is {value:.0f deg}, and {limit:.0f deg} here even "
+    "with a faultless magnetic tool: the horizontal field is weak, or the string is of steel; use a gyro",
     Code.GYRO_DISAGREES: "gyro and magnetic azimuth disagree (probability {value:.0f %} that the gyro is wrong): "
     "let the tool rest and survey again, at another toolface if it can be turned",
     Code.PROPAGATED_DISAGREES: "the azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from the azimuth that the "

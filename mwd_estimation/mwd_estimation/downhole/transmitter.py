@@ -62,7 +62,7 @@ class TransmitterState(enum.StrEnum):
     """State of the transmission, with a text for the operator."""
 
     SILENT = "silent: no flow"
-    WAITING = "flow is on: transmit delay"
+    WAITING = "flow is on: the transmit delay runs"
     SENDING = "sending"
     MUTED = "silent: muted by downlink until the flow is switched on again or a command comes"
     DONE = "silent: the survey was sent, and the tool sends surveys only"

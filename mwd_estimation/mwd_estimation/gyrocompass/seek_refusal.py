@@ -161,8 +161,8 @@ def _instrument(params: SeekParams, state: SeekState, fit: Fit) -> Reason | None
         (bias, "y gyro bias", float(fit.bias[1]), y),
         (bias, "z gyro bias", float(fit.bias[2]), z),
         (scale, "x gyro scale error", state.scale_x, params.scale_x_ppm * 1e-6),
-        (leak, "x rate in the y gyro", state.leak[0], params.leak_urad * 1e-6),
-        (leak, "x rate in the z gyro", state.leak[1], params.leak_urad * 1e-6),
+        (leak, "share of the x rate in the y gyro", state.leak[0], params.leak_urad * 1e-6),
+        (leak, "share of the x rate in the z gyro", state.leak[1], params.leak_urad * 1e-6),
     )
     for code, name, found, sigma in stated:
         if abs(found) > _EXCESSIVE * sigma:

@@ -54,9 +54,10 @@ _SILENT_AXIS, _NO_AXIS, _UNCLEAR, AT_ONE_END = -1, -2, -3, -4
 
 class ProductSums:
     """
-    Sums of one axis of the precision unit over half a second, and products with the axes of the conventional unit.
+    Sums of one axis of the precision unit over half a second.
 
-    The first index of the arrays stands for a precision unit that sends SI (0), or deg/s or g (1).
+    The sums include the products with the axes of the conventional unit. The first index of the arrays is the unit in
+    which the precision unit may send: SI (0), or deg/s or g (1).
     """
 
     n: float  #: number of pairs of samples

@@ -77,7 +77,7 @@ STREAM = dtype_of(Stream)
 
 
 class PaceCounts(NamedTuple):
-    """Numbers of intervals and samples in half a second."""
+    """Counts of the intervals between samples, and of the samples, in half a second."""
 
     steps: int  #: number of intervals
     long: int  #: number of long intervals

@@ -124,7 +124,7 @@ WHOLE, CLIPPED, BROKEN = 0, 1, 2
 _MATRICES = np.array(MAPPINGS, dtype=float)
 _SENSOR, _MAPPING, _BY_FORCE, _BY_FIELD = MISTAKES.T
 _FEW_FORCES, _FEW_FIELDS = 40, 10  # smallest number of samples of force and field in a window
-_WHOLE_S = 2.9  # a longer window is whole, s
+_WHOLE_S = 2.9  # length above which a window counts as whole, s
 _PARTS_OF_ONE = 1e6  # scale with which components of a direction are stored as integers
 
 

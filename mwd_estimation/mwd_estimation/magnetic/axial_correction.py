@@ -165,7 +165,7 @@ class _Peaks:
 
     azimuth: Array  #: most probable azimuth
     other: Array  #: second azimuth
-    apart: Array  #: difference between them
+    apart: Array  #: difference between the two azimuths
     #: `cost`, `cost_other`: their values of `_FitStations.cost`; `cost_other` is infinite for a station with only one
     #: azimuth.
     cost: Array

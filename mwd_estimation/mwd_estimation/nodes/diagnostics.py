@@ -79,7 +79,10 @@ def input_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
 def reference_diagnostic(reference: Reference | None) -> Diagnostic:
     """Return the diagnostic of the current reference, with its values in T, rad and m/s^2 in full precision."""
     if reference is None:
-        message, remedy = "none: azimuth is magnetic and uncorrected", "set place.field, or call set_reference_field"
+        message, remedy = (
+            "no reference field: the azimuth is magnetic and uncorrected",
+            "set place.field, or call set_reference_field",
+        )
         return Diagnostic("reference field", WARN, message, remedy)
     if not reference.has_field:
         # Without a field, the source of the reference is a sentence with the cause and, after "; ", the remedy.

@@ -301,8 +301,9 @@ class InputTopics:
             Diagnostic(
                 f"publishers of {topic}",
                 WARN,
-                f"{topic}: {self._repeated[topic].count} samples came a second time, as from two publishers: not used",
-                "stop one of them",
+                f"{topic}: {self._repeated[topic].count} samples came a second time, as from two publishers; the "
+                "copies are not used",
+                "stop one of the two publishers",
             )
             for topic, at in self._repeated_at.items()
             if time.monotonic() - at < _FOREIGN_S
@@ -318,7 +319,7 @@ class InputTopics:
             if self._is_skewed(topic) and not self.silent(topic):
                 way = "ahead of" if skew_s > 0.0 else "behind"
                 message = f"{topic} is {abs(skew_s):.1f} s {way} imu/data_raw: the two are not used together"
-                found.append(Diagnostic(f"time {topic}", ERROR, message, "stamp both with one clock"))
+                found.append(Diagnostic(f"time {topic}", ERROR, message, "stamp both topics with one clock"))
         return found
 
 

@@ -113,8 +113,8 @@ class BinStage:
         """
         Close and return the bins that end within a stretch; add refusals, faults and results of requests to `output`.
 
-        later, clipped, shape (n,): whether the stamp of a sample is later than all stamps before, and clip flags of a
-        sample as from `clip_flags.of`.
+        later, clipped, shape (n,): whether the stamp of a sample is later than all stamps that came before it, and clip
+        flags of a sample as from `clip_flags.of`.
         """
         # Gyros that have drifted, or that give no data, cannot show whether the tool is at rest. Set their rates to
         # zero, so that only gravity and the magnetic field decide whether the tool is at rest.

@@ -260,7 +260,7 @@ class Estimate:
 
         Samples are left out while gyro or accelerometer is doubtful. When the gyro becomes unusable, the measurement
         begins anew. rate_x, shape (n,): rad/s, NaN while the gyro must not be used; later, shape (n,): whether a stamp
-        is later than all before.
+        is later than all earlier ones.
         """
         usable = stretch.unusable & GYRO == 0
         if self._gyro_usable and not usable:

@@ -53,7 +53,8 @@ class Attitude:
 
     vertical_deg: float = setting(
         3.0,
-        "Inclination below which azimuth and high side are not given; they are given again one degree above it. "
+        "Inclination below which azimuth and high side are not given; they are given again one degree above this "
+        "inclination. "
         "Lowering it gives azimuths of little use near the vertical.",
         low=0.5,
         high=20.0,

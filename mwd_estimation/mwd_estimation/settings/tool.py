@@ -22,7 +22,7 @@ class Gyro:
     range_deg_s: Vector = setting(
         (2000.0, 2000.0, 2000.0),
         "Largest rate that each axis can measure; the smallest of the three values is used. If set too large, clipped "
-        "rates are taken for true ones; if too small, fast turning counts as clipped. From the data sheet.",
+        "rates count as true rates; if too small, fast turning counts as clipped. From the data sheet.",
         low=0.1,
         high=2e6,
     )
@@ -122,7 +122,7 @@ class Magnetometer:
 
     present: bool = setting(
         True,
-        "The tool has a magnetometer. Set it to false for a tool without one: its absence is then no fault.",
+        "Whether the tool has a magnetometer. If false, a missing magnetometer is not reported as a fault.",
         expert=True,
     )
     range_ut: float = setting(
@@ -300,7 +300,8 @@ class Tool:
     string: str = setting(
         "non_magnetic",
         "Pipe around the magnetometer: non_magnetic (enough non-magnetic collars: 220 nT along the axis, 1 sigma), "
-        "short (too few of them: 1500 nT), steel (none, as around a probe in steel pipe: 3000 nT along the axis, 1000 "
+        "short (too few of them: 1500 nT), steel (no such collars, as around a probe in steel pipe: 3000 nT along the "
+        "axis, 1000 "
         "nT across it, and at one station in three a rotated field). In a string of steel a magnetic azimuth "
         "alone is not accepted: use a gyro.",
         choices=("non_magnetic", "short", "steel"),

@@ -65,7 +65,7 @@ class Finding:
     #: `angles`, `density`: shape (n,); angles from the station's north, rad; density, per rad, not normalised.
     angles: Array
     density: Array
-    hypotheses: dict[Hypothesis, float]  #: probabilities, sum 1; empty without a field
+    hypotheses: dict[Hypothesis, float]  #: probability of each disturbance, with the sum 1; empty without a field
     nominal: float  #: 1 sigma of the azimuth of a healthy tool, from this station alone, at this attitude, rad
     misfit: float = 0.0  #: smallest chi-square of the field under the widest hypothesis
     by_gyro: float = 0.0  #: share of the gyro in the information on the azimuth, 0 to 1

@@ -156,8 +156,8 @@ class RunModel:
         """
         Return the model at a station from the stations before it and after it.
 
-        This model, from `at`, has learned the stations before; `later` has learned the stations after in reverse order.
-        taken: the station, with hazard and age.
+        This model, from `at`, has learned the earlier stations; `later` has learned the later stations, in reverse
+        order. taken: the station, with hazard and age.
         """
         other, after = self.copy(), later.at(taken)
         if other._filter is None or after._filter is None:

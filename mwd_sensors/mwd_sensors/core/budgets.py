@@ -55,7 +55,8 @@ class Budget:
         most = FREE + RATIO * packed
         if unpacked > most:
             raise BudgetError(
-                f"unpacks to {unpacked / MB:.6g} MB or more: {packed / MB:.3g} MB may unpack to {most / MB:.6g} MB"
+                f"unpacks to {unpacked / MB:.6g} MB or more: a file of {packed / MB:.3g} MB may unpack to"
+                f" {most / MB:.6g} MB"
             )
 
 

@@ -183,7 +183,11 @@ class Emulator:
         self._answer()
 
     def _answer(self) -> None:
-        """Send the waiting answers between two frames; a polled unit answers only after its first IMU sample."""
+        """
+        Send the answers that wait; a polled unit answers only after its first IMU sample.
+
+        The answers are sent between two frames, never within one.
+        """
         if self._unit is not None and self._asked is not None and "imu/data_raw" in self._beside:
             asked, self._asked = self._asked, None
             self._send(asked if isinstance(asked, bytes) else polled_line.reply(self._unit.frame, asked, self._values))

@@ -43,7 +43,7 @@ class LineSettings:
     )
     clock: str = setting(
         "host",
-        "Stamps of the samples: host (the unit's time converted to that of this machine) or unit (unchanged, for "
+        "Stamps of the samples: host (the unit's time converted to the time of this machine) or unit (unchanged, for "
         "example when a recording is played).",
         choices=("host", "unit"),
     )

@@ -102,7 +102,11 @@ class SondeSettings:
 
 
 class SondeNode(GraphNode[SondeSettings]):
-    """Publishes the topics of `wire.SONDE_TOPICS`; the stamps start at the node's time at the start of the scenario."""
+    """
+    Node of the simulated sonde, which publishes the topics of `wire.SONDE_TOPICS`.
+
+    The stamps begin at the time of the node at the start of the scenario.
+    """
 
     changeable = ("fault_injection",)
 

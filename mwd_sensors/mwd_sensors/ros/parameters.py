@@ -97,7 +97,8 @@ class SettingsParameters(Generic[T]):
             return node.declare_parameter(name, plain, descriptor).value
         except (InvalidParameterValueException, InvalidParameterTypeException) as error:
             given = self._given[name]
-            settings.changed(self.value, {name: given})  # raises the more precise error if there is one
+            # If the value breaks the rule of the setting, this raises an error that names the rule.
+            settings.changed(self.value, {name: given})
             raise SettingsError(f"{name}: {given!r} is not allowed; {rule.text()}") from error
 
     def _collect(self, parameters: Sequence[Parameter]) -> dict[str, Any]:

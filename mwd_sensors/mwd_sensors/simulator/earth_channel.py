@@ -30,7 +30,7 @@ from mwd_sensors.simulator.carrier_tool import CarrierSent
 
 Complex = NDArray[np.complex128]
 _STEEL, _PERMEABILITY = 4.9e6, 100.0  # conductivity of steel, S/m, and its relative permeability
-_TURNS = 30  # iterations of the mode equation
+_TURNS = 30  # number of iterations that solve the equation of the propagation constant
 
 
 @dataclasses.dataclass(frozen=True)

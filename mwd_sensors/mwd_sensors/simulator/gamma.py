@@ -64,7 +64,8 @@ class Gamma:
     )
     leak: float = setting(
         0.1,
-        "Sensitivity of the shielded side as a share of that of the window. 1: no shield, so the log does not "
+        "Sensitivity of the shielded side as a share of the sensitivity of the window. 1: no shield, so the log does "
+        "not "
         "depend on the toolface.",
         low=0.0,
         high=1.0,

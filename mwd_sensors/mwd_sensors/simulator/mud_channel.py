@@ -36,7 +36,9 @@ class WellGeometry:
 
     depth_m: float = setting(3000.0, "Measured depth of the bit.", low=100.0, high=12000.0)
     flow_m3_s: float = setting(0.033, "Flow rate.", unit="m^3/s", low=0.002, high=0.2)
-    pressure_pa: float = setting(2.0e7, "Standpipe pressure at the flow flow_m3_s.", unit="Pa", low=1e5, high=1e8)
+    pressure_pa: float = setting(
+        2.0e7, "Standpipe pressure at the flow that flow_m3_s states.", unit="Pa", low=1e5, high=1e8
+    )
     density: float = setting(1200.0, "Density of the mud.", unit="kg/m^3", low=500.0, high=2500.0)
     viscosity: float = setting(0.020, "Viscosity of the mud.", unit="Pa s", low=1e-4, high=1.0)
     bulk_modulus: float = setting(2.1e9, "Bulk modulus of the mud; gas lowers it.", unit="Pa", low=1e7, high=1e10)

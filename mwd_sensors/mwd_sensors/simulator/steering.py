@@ -109,7 +109,7 @@ class Steering:
     pipe_radius_m: float = setting(0.1, "Radius of the pipe where it touches the wall.", low=0.01, high=1.0)
     motor_nm: float = setting(800.0, "Reactive torque of the motor at the drilling weight.", low=0.0, high=1e5)
     motor_unsteady: float = setting(
-        0.1, "Root mean square of the variation of the reactive torque.", unit="of the torque", low=0.0, high=1.0
+        0.1, "Root mean square of the variation of the reactive torque, as a share of this torque.", low=0.0, high=1.0
     )
     motor_band_hz: tuple[float, float] = setting(
         (0.02, 0.3), "Lowest and highest frequency of the variation of the reactive torque.", low=0.001, high=20.0

@@ -79,7 +79,7 @@ class PerTurn:
     per_turn: int = setting(1, "Number of cycles in one turn.", low=1, high=24)
     displacement_mm: tuple[float, float, float] = setting((0.0, 0.0, 0.0), f"Amplitude {_AXES}.", low=0.0, high=50.0)
     speed_fraction: float = setting(
-        0.0, "Amplitude of the variation of the rotary speed.", unit="of the speed", low=0.0, high=1.0
+        0.0, "Amplitude of the variation of the rotary speed, as a share of this speed.", low=0.0, high=1.0
     )
     phase_deg: float = setting(0.0, "Phase of the motion at toolface zero.", low=-360.0, high=360.0)
 
@@ -150,8 +150,8 @@ class StickSlip:
     frequency_hz: float = setting(0.2, "Number of stick-slip cycles per second.", low=0.02, high=5.0)
     depth: float = setting(
         1.0,
-        "Amplitude of the rotary speed. At 1 the string stops for a moment; above 1 it also turns backward.",
-        unit="of the mean speed",
+        "Amplitude of the rotary speed, as a share of the mean speed. At 1 the string stops for a moment; above 1 it "
+        "also turns backward.",
         low=0.0,
         high=3.0,
     )

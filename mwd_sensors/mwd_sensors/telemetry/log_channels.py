@@ -81,7 +81,8 @@ class LogChannel:
     )
     sensor_to_bit_m: float | None = setting(
         None,
-        "Distance of the sensor from the bit; none: the distance of the sonde. The surface uses this distance for "
+        "Distance of the sensor from the bit; none: the distance from the sonde to the bit. The surface uses this "
+        "distance for "
         "values that were received as words.",
         low=0.0,
         high=100.0,
@@ -204,7 +205,9 @@ def check(channels: Mapping[str, LogChannel], words: Mapping[str, Word]) -> None
     """
     for name in channels:
         if not is_channel_name(name):
-            raise ValueError(f"channels.{name}: a name has up to 32 letters, digits and underscores, a letter first")
+            raise ValueError(
+                f"channels.{name}: a name has up to 32 letters, digits and underscores and begins with a letter"
+            )
     for word, item in carried(channels).items():
         if word not in words:
             raise ValueError(f"channels.{item.name}: no word {word} in the table of words; add it to `words`")

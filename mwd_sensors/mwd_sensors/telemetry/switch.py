@@ -14,7 +14,7 @@ class Switch:
 
     hold_ns: int  #: time for which a new condition must hold, ns
     on: bool = False  #: the accepted condition
-    since_ns: int = 0  #: start of the accepted condition, ns (the beginning of its holding time)
+    since_ns: int = 0  #: stamp at which the accepted condition began, before its holding time `hold_ns`
     _candidate_ns: int | None = None
 
     def update(self, stamp_ns: int, condition: bool) -> bool:

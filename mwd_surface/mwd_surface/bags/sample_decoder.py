@@ -99,7 +99,11 @@ class SampleDecoder:
     def _from_messages(
         self, name: str, layout: wire.Layout | None, part: MessagePart, some: tuple[str, ...] | None
     ) -> tuple[Stamps, Any]:
-        """Return log times, ns, and samples, or, of messages without a layout, log times and bytes."""
+        """
+        Return the log times, ns, and the samples of messages.
+
+        Messages without a layout are returned as bytes instead of samples.
+        """
         if self._message_compression or layout is None or self._topics[name].serialization != "cdr":
             listed = [part.data[a : a + n].tobytes() for a, n in zip(part.offset, part.size, strict=True)]
             return self._from_list(name, layout, part.log_ns, listed, some)

@@ -51,7 +51,7 @@ class TopicInfo:
 
     @property
     def gives(self) -> str:
-        """Type of the samples in the topic's messages; bursts and single vectors hold IMU or magnetometer samples."""
+        """Type of message that has the topic's samples; a burst or a single vector counts as IMU or magnetometer."""
         if self.quantity:
             return wire.MAG.type_name if self.quantity == MAGNETIC else wire.IMU.type_name
         return wire.IMU.type_name if self.type_name == burst.TYPE_NAME else self.type_name

@@ -106,7 +106,7 @@ class NotCompared:
     from_md: float
     to_md: float
     reason: str  #: why the part was not compared
-    #: whether the user stated that both wells are the same hole there, so that no comparison is missing
+    #: whether the user stated that both wells are the same hole in this part, so that no comparison is missing
     shared: bool = False
 
     def remark(self) -> Remark:
@@ -255,9 +255,9 @@ def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
 def _above(well: UncertainWell, shared_to: float | None) -> tuple[NotCompared, ...]:
     """Return the part of a well above the compared path as a tuple; empty if there is no such part."""
     if shared_to is not None:
-        return (NotCompared(well.name, 0.0, shared_to, "both wells are the same hole there", shared=True),)
+        return (NotCompared(well.name, 0.0, shared_to, "both wells are the same hole in this part", shared=True),)
     first = float(well.md[0])
-    return (NotCompared(well.name, 0.0, first, "its list starts there"),) if first > 0.0 else ()
+    return (NotCompared(well.name, 0.0, first, "its list starts below this part"),) if first > 0.0 else ()
 
 
 def _compared(first: Any, second: Any, rule: ClearanceRule) -> Any:

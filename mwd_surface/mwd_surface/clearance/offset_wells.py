@@ -73,7 +73,8 @@ class OffsetWell(ListSettings):
     )
     tvd_m: float = setting(
         0.0,
-        "Height of the depth datum of this well above that of the offset well. It is added to the vertical depths "
+        "Height of the depth datum of this well above the depth datum of the offset well. This height is added to the "
+        "vertical depths "
         "of the offset well.",
     )
     hole_diameter_m: float = setting(
@@ -95,12 +96,14 @@ class OffsetWell(ListSettings):
     )
     planned: bool = setting(
         False,
-        "True if the file is a plan that has not been drilled. Its uncertainty is then that of surveys every 30 m, "
+        "True if the file is a plan that has not been drilled. Its uncertainty is then computed for surveys every 30 "
+        "m, "
         "instead of surveys at the stations of the file.",
     )
     shared_to_m: float | None = setting(
         None,
-        "Measured depth down to which both wells are the same hole, for a sidetrack. Above it the wells are not "
+        "Measured depth down to which both wells are the same hole, for a sidetrack. Above this depth the wells are "
+        "not "
         "compared.",
         low=0.0,
     )

@@ -77,7 +77,7 @@ def node_main(module: str) -> Callable[[Sequence[str]], int]:
 
 @contextlib.contextmanager
 def without_ros() -> Iterator[None]:
-    """Raise OSError with a remedy if the block imports a ROS package that is not installed."""
+    """Context in which the import of a ROS package that is not installed raises OSError with a remedy."""
     try:
         yield
     except ModuleNotFoundError as error:

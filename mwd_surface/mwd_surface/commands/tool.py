@@ -133,7 +133,7 @@ def _lines_on(read: ToolConfiguration, file: Path, columns: str) -> list[str]:
         f"  pulse_width_s: {found.pulse_width_s:.3g}",
         f"  sync: edges_tu {', '.join(map(str, found.sync.edges_tu))}, length_tu {found.sync.length_tu}",
         f"  parity: {found.parity}",
-        "as configured" if _alike(read, found) else "the configuration has other values: change it to these values",
+        "as configured" if _alike(read, found) else "change the configuration, which has other values, to these values",
     ]
 
 

@@ -85,7 +85,7 @@ class RigControl:
 
 class RigClock:
     """
-    Time of the rig's data, s, continued by the steady clock when the data are late.
+    Clock that follows the time of the rig's data, s; when the data are late, it runs on by the steady clock.
 
     It goes back only if a new time is more than five seconds earlier.
     """

@@ -18,14 +18,14 @@ from mwd_sensors.telemetry.downlink import COUNTERS, DownlinkFrame, frame_of, ne
 
 class ToolEcho:
     """
-    Set of the echo codes that the tool may send now without a new command.
+    Set of the echo codes that the tool may still send for earlier commands.
 
     Parameters
     ----------
     heard : int, optional
         Code of the last echo received; None: no echo was received yet, so any code is possible.
     sent : sequence of int
-        Codes of the commands sent since that echo, oldest first.
+        Codes of the commands sent since the last echo, oldest first.
     """
 
     def __init__(self, heard: int | None = None, sent: Sequence[int] = ()) -> None:

@@ -28,7 +28,7 @@ class Format:
 
     ending: str
     word: str  #: word for the file name
-    what: str  #: description
+    what: str  #: description of the format for people
     writer: tuple[str, str]  #: module and function that make the content
     of_well: bool = False  #: whether the function gets the columns and the head block in the display units of the well
 

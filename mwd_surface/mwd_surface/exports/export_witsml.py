@@ -105,7 +105,7 @@ def _increasing(table: SurveyTable) -> tuple[list[int], list[str]]:
     why = []
     for k in table.rows:
         if rows and float(md.cell(k)) <= float(md.cell(rows[-1])):
-            why.append(f"station at {md.cell(k)} {md.unit} omitted: not deeper than the one before")
+            why.append(f"station at {md.cell(k)} {md.unit} omitted: not deeper than the previous station")
         else:
             rows.append(k)
     return rows, why

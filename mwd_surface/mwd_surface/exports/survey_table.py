@@ -344,7 +344,7 @@ def _tools(own: Sequence[SurveyRecord]) -> str:
 
 def _counted(own: Sequence[SurveyRecord]) -> str:
     used, by_hand = sum(1 for r in own if r.in_use), sum(1 for r in own if r.judgement)
-    return f"{used} in use of {len(own)} taken; {by_hand} judged by a person"
+    return f"{used} surveys in use of {len(own)}; {by_hand} judged by a person"
 
 
 def _telemetry(used: Sequence[Survey]) -> str:

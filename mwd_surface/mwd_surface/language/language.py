@@ -102,7 +102,11 @@ class _Template(NamedTuple):
         return values
 
     def readings(self, text: str) -> Iterator[dict[str, str]]:
-        """Yield the values of a text from the left, and those from the right if they differ; nothing without a fit."""
+        """
+        Yield the values that the places of this template may have in a text; nothing if the text does not fit.
+
+        The places are filled from the left, and once more from the right if this gives other values.
+        """
         first = self.values(text, last=False)
         if first is not None:
             yield first

@@ -97,18 +97,18 @@ _OFFSETS = re.compile(r"\bDX\b.*\bDY\b", re.IGNORECASE)
 class Head:
     """Facts that the head of a list states."""
 
-    north: str = ""  #: one of NORTHS, or ""
-    strange_north: str = ""  #: words that were not recognised
+    north: str = ""  #: north of the azimuths, one of NORTHS; "" if not stated
+    strange_north: str = ""  #: words for a north that were not recognised
     #: `length_unit`, `angle_unit`: as in LENGTH_UNITS and ANGLE_UNITS, or ""
     length_unit: str = ""
     angle_unit: str = ""
-    strange_unit: str = ""  #: words that were not recognised
+    strange_unit: str = ""  #: words for a unit that were not recognised
     map_unit: str = ""  #: unit of map coordinates and offsets
     #: unit of the elevation of the depth datum, such as the kelly bushing; depths usually have the same unit
     hinted_unit: str = ""
     horizontal: bool = False  #: whether angles are measured from the horizontal
     dip: str = ""  #: direction of positive angles from the horizontal, "up", "down" or ""
-    wellhead: tuple[float, float] | None = None  #: northing and easting, m, or None
+    wellhead: tuple[float, float] | None = None  #: northing and easting of the wellhead, m; None if not stated
     #: declination and convergence by these names, rad, east positive, if a line states them
     to_north: Mapping[str, float] = dataclasses.field(default_factory=dict)
 

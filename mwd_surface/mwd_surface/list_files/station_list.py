@@ -35,9 +35,9 @@ class Start:
     md: float
     inclination: float
     azimuth: float
-    position: tuple[float, float, float]  #: north, east, down, m
-    source: str  #: one of the words of `leg.Origin`
-    remarks: tuple[Remark, ...] = ()  #: assumptions
+    position: tuple[float, float, float]  #: position of the start: north, east, down, m
+    source: str  #: origin of the start, one of the words of `leg.Origin`
+    remarks: tuple[Remark, ...] = ()  #: assumptions about the start of the path
 
 
 @dataclasses.dataclass(frozen=True)

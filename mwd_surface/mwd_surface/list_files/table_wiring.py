@@ -60,7 +60,7 @@ class Sensor:
 
     columns: tuple[str, str, str]
     values: Array  #: shape (n, 3); SI, axial and the two transverse axes
-    total: float  #: expected total, SI; nan: unknown
+    total: float  #: expected length of the vector, SI; nan: unknown
     share: float  #: largest relative error of the total of correct readings
     unit: float  #: unit in which the columns were read, SI
     units: Mapping[str, float]  #: possible units of the columns by name, SI
@@ -76,12 +76,20 @@ class ExpectedRows:
 
 
 def accelerometers(columns: tuple[str, str, str], f_t: Array, unit: float) -> Sensor:
-    """Return the accelerometers of a run; f_t, m/s^2, shape (n, 3); unit: unit of the columns, m/s^2."""
+    """
+    Return the accelerometers of a run.
+
+    f_t, shape (n, 3): readings, m/s^2; unit: unit of the columns, m/s^2.
+    """
     return Sensor(columns, f_t, STANDARD_GRAVITY, _GRAVITY_SHARE, unit, _ACCELERATIONS)
 
 
 def magnetometers(columns: tuple[str, str, str], b_t: Array, total: float, unit: float) -> Sensor:
-    """Return the magnetometers of a run; b_t: T, (n, 3); total: reference field, T, or nan; unit: of the columns, T."""
+    """
+    Return the magnetometers of a run.
+
+    b_t, shape (n, 3): readings, T; total: reference field, T, nan if unknown; unit: unit of the columns, T.
+    """
     return Sensor(columns, b_t, total, _FIELD_SHARE, unit, _FIELDS)
 
 

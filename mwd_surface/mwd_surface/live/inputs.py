@@ -60,7 +60,7 @@ class InputState(MessageRecord):
     data_age: float = math.nan  #: age of the newest data, s
     role: Role = Role.NO_DEPTH
     priority: int = 0
-    bit_depth: float = math.nan  #: m
+    bit_depth: float = math.nan  #: bit depth that the input gives, m
     reason: str = ""
 
 
@@ -72,7 +72,7 @@ class InputTable(MessageRecord):
 
     inputs: tuple[InputState, ...] = ()
     depth_source: str = ""  #: name of the input whose depth is in force, or empty
-    depth_age: float = math.nan  #: s
+    depth_age: float = math.nan  #: age of the depth in force, s
     #: Largest difference between a live source and the depth in force, m; NaN without a second source.
     depth_difference: float = math.nan
 

@@ -38,11 +38,11 @@ class ToolfaceReading(MessageRecord):
 
     stamp_ns: int
     mode: ToolfaceMode
-    #: `angle`, `sigma`: rad, NaN if not available.
+    #: `angle`, `sigma`: toolface and its 1 sigma, rad, NaN if not available.
     angle: float
     sigma: float
     rotating: bool = False  #: whether the string rotates, or has turned so lately that the toolface is not settled
-    rotary_speed: float = 0.0  #: rad/s
+    rotary_speed: float = 0.0  #: rotary speed of the string, rad/s
 
 
 class ToolfaceSelector:

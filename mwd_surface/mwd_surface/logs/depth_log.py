@@ -181,7 +181,7 @@ class _ChannelState:
 
     deepest: float = -math.inf  #: deepest depth of the sensor, m
     offset: float = 0.0  #: distance of the sensor from the bit, m
-    newest: Newest | None = None  #: value that was placed last
+    newest: Newest | None = None  #: value that was last placed into the log
     newest_ns: int = _NEVER_NS  #: newest stamp, ns
     unplaced: int = 0  #: number of samples without a depth
 
@@ -228,8 +228,8 @@ class _DepthBeforeJump(NamedTuple):
     """State before a jump of the depth that no string can make."""
 
     stamp_ns: int  #: time of the last bit depth
-    bit_depth: float  #: depth of the bit then, m
-    bottom: float  #: bottom of the hole then, m
+    bit_depth: float  #: depth of the bit at `stamp_ns`, m
+    bottom: float  #: bottom of the hole at `stamp_ns`, m
 
     def reaches(self, rules: DepthJumpRules, stamp_ns: int, bit_depth: float) -> bool:
         """Return whether a string can move from this depth to another one, m, by a time, ns."""

@@ -109,8 +109,8 @@ def memory_clock(run: Rotation, memory: Rotation) -> MemoryClock:
         sigma, sigma_drift = scatter / math.sqrt(len(at)), scatter / math.sqrt(spread)
         if abs(drift) - 3.0 * sigma_drift > _MOST_DRIFT:
             raise ClockError(
-                f"the clocks would drift by {drift * 1e6:.0f} ppm, more than any tool: check that both are of the same "
-                "run"
+                f"the clocks would drift by {drift * 1e6:.0f} ppm, more than the clock of any tool: check that both "
+                "recordings are of the same run"
             )
     return MemoryClock(
         reference_ns=origin + round(middle * NANOSECONDS),
@@ -149,8 +149,8 @@ def _coarse(run_s: Array, run: Array, memory_s: Array, memory: Array) -> tuple[f
     second = float(score[others].max()) if others.any() else -1.0
     if score[best] < _LEAST_CORRELATION:
         raise ClockError(
-            f"the rotations of run and memory do not agree (correlation {score[best]:.2f}): check that both are of the "
-            "same run"
+            f"the rotations of run and memory do not agree (correlation {score[best]:.2f}): check that both "
+            "recordings are of the same run"
         )
     if score[best] - second < _LEAST_LEAD:
         raise ClockError(

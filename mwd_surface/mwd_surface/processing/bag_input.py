@@ -293,7 +293,7 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
     if rigs and topics.rig is None:
         remarks.append(f"no depth: choose the topic of the rig with --rig-topic: {', '.join(rigs)}")
     elif rigs and not given.rig_topic:
-        remarks.append(f"depths are taken from {topics.rig}; not used: {', '.join(rigs)}")
+        remarks.append(f"depths are read from {topics.rig}; not used: {', '.join(rigs)}")
     return remarks
 
 

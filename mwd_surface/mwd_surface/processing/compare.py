@@ -68,7 +68,7 @@ class DifferenceStatistics:
     """Differences of one quantity over the samples in which both runs have the quantity, deg."""
 
     name: str
-    count: int  #: number of these samples
+    count: int  #: number of samples in which both runs have the quantity
     mean: float
     rms: float
     largest: float

@@ -110,7 +110,7 @@ class Joiner:
         if self._kind in (ImuKind.IN_TURNS, ImuKind.SOME_EMPTY) and gyro is not None:
             log_ns, samples = gyro
             no_accel = _without(samples, _ACCEL)
-            # If all messages are either complete or empty, a rate of zero is a measurement.
+            # If every message has both halves or none, a rate of zero is a measurement, not a missing half.
             has_gyro = ~_without(samples, _GYRO) if self._kind == ImuKind.IN_TURNS else ~no_accel
             accel = log_ns[~no_accel], samples[~no_accel]
             gyro = log_ns[has_gyro], samples[has_gyro]

@@ -36,7 +36,7 @@ class Rests:
         self._settings = settings
         self._needed_s = settings.settle_s + settings.duration_s
         self._count = self._half_seconds = self._sampled = 0
-        self.longest_s = 0.0  #: longest interval
+        self.longest_s = 0.0  #: longest interval at rest, s
         #: Longest interval in which the accelerometers show rest, and the gyro would show rest if its unit were deg/s.
         self.hidden_s = 0.0
         self._still_s = self._hiding_s = 0.0

@@ -37,7 +37,7 @@ class ReceivedWord:
     kind: str  #: kind of the sequence in which the word came: "survey" or "toolface"
     name: str
     unit: str
-    raw: int  #: most probable code
+    raw: int  #: most probable code of the word
     value: float  #: value of `raw`, in the unit of the word; NaN if `raw` is the code that means "no measurement"
     confidence: float  #: probability that the code is right
     sigma: float  #: 1 sigma of the value if the code is right, in the unit of the word

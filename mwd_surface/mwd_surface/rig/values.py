@@ -67,8 +67,8 @@ class RigValue:
     value: float = 0.0  #: the last known number, or 0, if `condition` is not usable
     condition: Condition = Condition.WAITING
     stamp_ns: int = 0  #: time of the measurement, ns since the epoch, 0 if nothing was measured
-    age: float | None = None  #: s, None if nothing was measured
-    sigma: float | None = None  #: 1 sigma in the unit of the value, or None
+    age: float | None = None  #: age of the measurement, s; None if nothing was measured
+    sigma: float | None = None  #: 1 sigma in the unit of the value; None if unknown
     reason: str = ""
 
 
@@ -92,7 +92,7 @@ class RigValues:
     heartbeat: int  #: seconds of a steady clock; stops counting if the node hangs
     values: Mapping[str, RigValue]  #: value of every name in the signal table
     surveys: tuple[AcceptedSurvey, ...] = ()  #: accepted surveys, oldest measurement first
-    alarms: tuple[Alarm, ...] = ()  #: newest first
+    alarms: tuple[Alarm, ...] = ()  #: alarms in force, newest first
     well: str = ""
     wellbore: str = ""
     north: str = ""

@@ -58,7 +58,7 @@ class ToolDirection:
 
     inclination: float
     azimuth: float
-    sigma_azimuth: float = math.nan  #: 1 sigma, rad; NaN if unknown
+    sigma_azimuth: float = math.nan  #: 1 sigma of the azimuth, rad; NaN if unknown
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,8 +69,8 @@ class ToolStation:
     conventional: ToolDirection
     gyro: ToolDirection
     truth: ToolDirection
-    automatic: bool  #: whether the tool took the survey by itself
-    accepted: bool  #: whether its azimuth was accepted
+    automatic: bool  #: whether the survey was taken without a request
+    accepted: bool  #: whether the azimuth of the survey was accepted
 
 
 def compared(story: Scenario) -> list[ToolStation]:

@@ -126,14 +126,14 @@ class Deviation:
     station: str  #: number of the survey; empty without a survey
     leg: str  #: leg to which the station belongs
     kind: str  #: kind of station as in a path, or "planned" ahead of the bit
-    measured_depth: float  #: m
-    #: `inclination`, `azimuth`: rad.
+    measured_depth: float  #: measured depth of the station, m
+    #: `inclination`, `azimuth`: direction of the hole at the station, rad.
     inclination: float
     azimuth: float
     #: `right`, `up`: offset of the hole from the design, across the design, m, negative to the left and below.
     right: float
     up: float
-    #: `sigma_right`, `sigma_up`: 1 sigma, m.
+    #: `sigma_right`, `sigma_up`: 1 sigma of `right` and `up`, m.
     sigma_right: float
     sigma_up: float
     distance: float  #: distance of the hole from the design, m

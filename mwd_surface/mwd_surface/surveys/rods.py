@@ -68,7 +68,7 @@ class RodTally:
 
     first: float  #: bit depth without a rod, m
     lengths: tuple[float, ...] = ()  #: length of each rod, m, starting at the bit
-    changes: tuple[RodChange, ...] = ()  #: the log
+    changes: tuple[RodChange, ...] = ()  #: all changes of the tally so far, oldest first
 
     @property
     def bit_depth(self) -> float:

@@ -35,9 +35,9 @@ COLUMNS = tuple(listed.key for _, listed in SURVEY_TABLE)
 TEXTS = frozenset(listed.key for signal, listed in SURVEY_TABLE if signal.type in ("String", "Boolean"))
 # Additional columns of a table of readings, with their meanings.
 OF_TABLES = {
-    "time": "time as in the table",
-    "run": "run as in the table",
-    "outlier": "yes if it disagrees with the other stations of the run",
+    "time": "time of the station, as written in the table",
+    "run": "name of the run, as written in the table",
+    "outlier": "yes if the station disagrees with the other stations of its run",
 }
 _UNKNOWN = AzimuthEstimate("")
 

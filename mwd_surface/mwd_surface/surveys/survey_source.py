@@ -123,7 +123,7 @@ def surveys_of_bag(bag: Bag) -> SurveyList:
     if all(topic.type_name != LIST_TYPE for topic in bag.topics.values()):
         if unread := bag.unread(LIST_TYPE):
             raise BagError(f"{bag.path} has no survey list that can be read: {unread}")
-        hint = f"`mwd process {bag.path} -o out` makes one in the folder out"
+        hint = f"`mwd process {bag.path} -o out` computes a survey list"
         raise NoSurveyListError(f"{bag.path} has no survey list: no surface unit recorded it", hint)
     topic = bag.find_topic(LIST_TYPE, "surveys")
     last = None
@@ -159,7 +159,7 @@ def _stored(folder: Path) -> tuple[SurveyList, tuple[str, ...]]:
             why.append(f"{folder / name} is not complete ({error})")
             continue
         if name != FILES[0]:
-            why.append(f"surveys taken from {name}: the last change may be missing")
+            why.append(f"surveys read from {name}: the last change may be missing")
         return _remarked(surveys, why)
     raise ValueError("; ".join(why))
 

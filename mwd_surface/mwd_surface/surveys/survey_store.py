@@ -126,7 +126,7 @@ class SurveyStore:
                 continue
             if path == self.previous:
                 lost = "the last change may be missing" if damaged else f"{self.current.name} was missing"
-                messages.append(f"survey list taken from {path.name}: {lost}; check it against the log")
+                messages.append(f"survey list read from {path.name}: {lost}; check it against the log")
             surveys, remarks = _under(stored, well, rules)
             return Loaded(surveys, (*messages, *remarks), path == self.previous)
         if damaged:

@@ -118,7 +118,7 @@ def test_any_name_of_a_well_leaves_the_file_valid(name):
         ("inclination", math.nan, "station 3 (survey 3) omitted: a number in it is not finite"),
         ("azimuth", math.nan, "station 3 (survey 3) omitted: a number in it is not finite"),
         # Its depth is printed as that of the station before.
-        ("md", 330.00001, "not deeper than the one before"),
+        ("md", 330.00001, "not deeper than the previous station"),
     ],
 )
 def test_a_station_that_cannot_be_written_is_left_out_with_its_reason_and_the_file_is_valid(column, value, reason):

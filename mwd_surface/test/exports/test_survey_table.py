@@ -32,7 +32,7 @@ def test_the_head_block_names_every_reference_and_correction():
     )
     assert (got["Depth datum"], got["Datum elevation"]) == ("RKB", "25.00 m above mean sea level")
     assert got["Reference total field"] == "50300 nT"
-    assert got["Surveys"] == "11 in use of 12 taken; 1 judged by a person"
+    assert got["Surveys"] == "11 surveys in use of 12; 1 judged by a person"
     assert got["Report made"] == "2026-05-15T17:43:40.123Z"
     assert "ISCWSA MWD Rev5.11" in got["Position uncertainty"]
 

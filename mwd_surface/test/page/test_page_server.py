@@ -450,7 +450,7 @@ def test_a_command_or_a_request_to_play_whose_body_never_ends_is_cut():
         ('{"playing": 1}', "playing: expected true or false"),
         ('{"seek": -1}', "seek: expected a number"),
         ("[]", "must be a JSON object"),
-        ('{"speed": 1}', "a table of playing, rate and seek"),
+        ('{"speed": 1}', "a JSON object with playing, rate and seek"),
         (b"\xff\xfe", "not JSON"),
     ],
 )
@@ -644,7 +644,7 @@ def test_a_taken_port_is_named_and_the_first_page_lives_on():
     with running() as server:
         port = urlsplit(server.address).port
         second = PageServer(PageSettings(port=port))
-        with pytest.raises(OSError, match=rf"127\.0\.0\.1 port {port} is taken"):
+        with pytest.raises(OSError, match=rf"127\.0\.0\.1 port {port} is in use"):
             second.start()
         second.stop()
         assert ask(server)[0] == 200

@@ -113,7 +113,7 @@ def test_an_interface_that_does_not_run_has_nothing_to_wake():
 @pytest.mark.parametrize(
     ("number", "words"),
     [
-        (errno.EADDRINUSE, "taken"),
+        (errno.EADDRINUSE, "in use"),
         (errno.EACCES, "1024 or more"),
         (errno.EADDRNOTAVAIL, "not an address of this machine"),
         (errno.ENETDOWN, "Network is down"),
@@ -163,7 +163,7 @@ def test_a_host_of_this_machine_alone_is_allowed_and_any_other_where_the_network
 def test_a_free_port_is_probed_without_being_kept():
     with socket.create_server(("127.0.0.1", 0)) as holder:
         number = holder.getsockname()[1]
-        with pytest.raises(InterfaceError, match="taken"):
+        with pytest.raises(InterfaceError, match="in use"):
             probe_port("127.0.0.1", number)
     probe_port("127.0.0.1", number)
     with pytest.raises(InterfaceError, match="finds no address for the name"):
@@ -187,7 +187,7 @@ SERVERS = {
 def test_every_server_names_a_port_that_is_taken_and_an_address_that_is_not_allowed_or_not_here(name):
     with socket.create_server(("127.0.0.1", 0)) as holder:
         port = holder.getsockname()[1]
-        with pytest.raises(InterfaceError, match=f"port {port} is taken"):
+        with pytest.raises(InterfaceError, match=f"port {port} is in use"):
             SERVERS[name](port=port).start()
     # OPC UA asks for its certificates before it listens to a network.
     absent = "certificates" if name == "opcua" else "not an address of this machine"

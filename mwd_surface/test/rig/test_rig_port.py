@@ -87,7 +87,7 @@ def test_an_interface_whose_port_is_taken_is_down_while_the_rest_runs_and_comes_
     with running(config) as port:
         down = state_of(port, "modbus")
         assert down.state == "down"
-        assert f"port {number} is taken" in down.reason
+        assert f"port {number} is in use" in down.reason
         assert state_of(port, "wits0_server").state == "listening"
         port.publish(values())
         holder.close()
@@ -100,7 +100,7 @@ def test_strict_means_all_or_nothing():
     with socket.create_server(("127.0.0.1", 0)) as holder:
         config = rig_settings(strict=True, modbus=ModbusSettings(enabled=True, port=holder.getsockname()[1]))
         port = RigPort(config)
-        with pytest.raises(InterfaceError, match=r"modbus: .*is taken"):
+        with pytest.raises(InterfaceError, match=r"modbus: .*is in use"):
             port.start()
         assert state_of(port, "wits0_server").state == "stopped"
 

@@ -87,7 +87,7 @@ def test_a_damaged_file_gives_way_to_the_one_before_and_both_are_kept(tmp_path, 
     assert got.fell_back
     assert says in got.messages[0]
     assert "kept as surveys.damaged-1.json" in got.messages[0]
-    assert "taken from surveys.previous.json" in got.messages[1]
+    assert "read from surveys.previous.json" in got.messages[1]
     assert (tmp_path / "surveys.damaged-1.json").read_bytes() == broken
     assert (tmp_path / "surveys.previous.json").exists()
 

@@ -235,7 +235,7 @@ class RunFilter:
         Return the filters at a station, given the stations before it (this model) and after it (`later`).
 
         Both models are at the time of the station; `later` learned its stations in reverse order. The ratio of a
-        Gaussian of `later` to the prior is the likelihood of the shared errors by the stations after (two-filter
+        Gaussian of `later` to the prior is the likelihood of the shared errors by the later stations (two-filter
         smoother; D. C. Fraser, J. E. Potter, IEEE Trans. Automatic Control 14, 1969). In units of the prior sigmas,
         along the principal axes of the covariance of `later`, this ratio is a set of independent observations; they
         update each filter of this model. If the string may have changed before the station, after it, or both, the

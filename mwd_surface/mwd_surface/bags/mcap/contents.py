@@ -80,7 +80,7 @@ class Bare:
     #: `offset`, `length`: position and length of the messages' records, bytes.
     offset: int
     length: int
-    plain: bytes  #: these records
+    plain: bytes  #: records of the messages
     walk: Walk  #: positions of the records in `plain`
 
 

@@ -171,9 +171,10 @@ class McapWriter:
         log_ns: NDArray[np.int64],
     ) -> None:
         """
-        Add complete message records, shape (n bytes,), to chunks in their order.
+        Add complete message records, one after the other, to the chunks of the file.
 
-        offset, channel and log_ns, shape (m,), belong to the m records, which follow one another; offset[0] is 0.
+        records, uint8: bytes of m records that follow one another. offset, channel, log_ns, shape (m,): start of each
+        record in these bytes, its channel and its log time, ns; offset[0] is 0.
         """
         ends = np.append(offset[1:], len(records))
         done = 0

@@ -40,7 +40,12 @@ _LINE = 1e4  # prior variance of a line's amplitude relative to the noise: pract
 
 @dataclasses.dataclass(frozen=True)
 class BlockData:
-    """Envelope of a block with margins, shape (n,); 1 where its value is known; columns of the lines, shape (n, k)."""
+    """
+    Data of a block with margins: its envelope, where its value is known, and the disturbing lines.
+
+    The envelope has the shape (n,); the second array, shape (n,), is 1 where the value is known; the columns of the
+    lines have the shape (n, k).
+    """
 
     envelope: Complex
     known: Array

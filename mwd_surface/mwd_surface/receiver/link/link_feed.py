@@ -217,7 +217,7 @@ class FollowingLink:
         self._kept = LinkOutput()
 
     def go_on_as(self, tool: ToolConfiguration) -> None:
-        """Stop waiting for an answer and read with this configuration, which the tool now uses."""
+        """Read with a tool configuration that the tool now uses, and stop waiting for the answer to a command."""
         self._next = None
         if tool != self.link.tool:
             self.link = self.link.successor(tool)

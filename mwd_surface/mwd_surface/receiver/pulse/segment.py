@@ -77,7 +77,7 @@ class StretchOnToolClock:
     #: Columns: number of the first packet; first place and place after the last, TU after `start`.
     groups: Indices
     start: int  #: sample of TU 0 of the packets
-    parity: int  #: 0 even, 1 odd
+    parity: int  #: parity of the words: 0 even, 1 odd
     probability: Array | None = None  #: shape (k, values); probability of each packet value from an earlier decoding
     angles: Array | None = None  #: shape (pumps, n); crank angles of pumps with stroke counters, rad
     #: Coefficients and precision of the response from before an interruption, if too few pulses precede this stretch.

@@ -455,7 +455,7 @@ def _made(result: dict[str, Any]) -> dict[str, tuple[int, str]]:
         rows = [(row["ManifestItemID"], row["InjectedID"]) for row in result.get("ProvidedVariables") or ()]
         made = {str(name): (int(at["NameSpaceIndex"]), str(at["ID"])) for name, at in rows}
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise BlackboardError(f"the answer to the manifest is not that of a blackboard ({error!r})") from error
+        raise BlackboardError(f"the answer to the manifest is not the answer of a blackboard ({error!r})") from error
     if any(not 0 <= space <= _LAST_NAMESPACE for space, _ in made.values()):
         raise BlackboardError("the answer to the manifest has an invalid namespace index")
     return made
@@ -471,7 +471,7 @@ def _found(answer: dict[str, Any]) -> list[tuple[str, str]]:
         items = [row["Items"][0] for row in answer.get("Results") or () if row["Items"]]
         return [(str(item["NameSpace"]), str(item["ID"])) for item in items]
     except (KeyError, TypeError, IndexError) as error:
-        raise BlackboardError(f"the answer to a query is not that of a blackboard ({error!r})") from error
+        raise BlackboardError(f"the answer to a query is not the answer of a blackboard ({error!r})") from error
 
 
 def readings(values: RigValues) -> dict[str, VariableValue]:
