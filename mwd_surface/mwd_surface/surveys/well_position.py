@@ -17,7 +17,7 @@ import numpy as np
 from mwd_estimation.core.north import North
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.survey import ROTARY as SURVEY_ROTARY
-from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.survey import Survey, Verdict
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -98,6 +98,9 @@ def uncertain(surveys: SurveyList, path: Definitive) -> PathCovariance:
     what += (
         f" ({turning} rotary surveys: {ROTARY_CODE.removeprefix('ISCWSA ')})" if turning and not well.programme else ""
     )
+    stations = programme_stations(surveys, path)
+    failed = int(np.sum(np.isfinite(stations.sigmas).all(axis=1) & stations.failed))
+    what += f" (own sigmas of surveys used against their verdict: {failed})" if failed else ""
     beside = "".join(f"; not including the error of an assumption: {one.text}" for one in path.assumptions)
     return PathCovariance(covariance, f"{what} (ISCWSA), 1 sigma, relative to the first station{beside}")
 
@@ -154,6 +157,7 @@ def programme_stations(surveys: SurveyList, path: Definitive) -> ProgrammeStatio
     records = surveys.records_on(path)
     sigmas = np.full((path.md.size, 2), np.nan)
     legs, tools, methods = [path.leg] * path.md.size, [""] * path.md.size, [""] * path.md.size
+    failed = [r is not None and r.survey.verdict in (Verdict.DOUBTFUL, Verdict.REJECT) for r in records]
     leg, tool = path.leg, ""
     known = [r for r in records if r is not None]
     if known:
@@ -168,7 +172,7 @@ def programme_stations(surveys: SurveyList, path: Definitive) -> ProgrammeStatio
             if survey.sigma_inclination > 0.0 and survey.sigma_azimuth > 0.0:
                 sigmas[k] = survey.sigma_inclination, survey.sigma_azimuth
         legs[k], tools[k] = leg, tool
-    return ProgrammeStations(path.md, sigmas, [r is not None for r in records], legs, tools, methods)
+    return ProgrammeStations(path.md, sigmas, [r is not None for r in records], failed, legs, tools, methods)
 
 
 def continued(path: Definitive, plan: Plan | None, reach: float, step: float = 30.0) -> Definitive:

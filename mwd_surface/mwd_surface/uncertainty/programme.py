@@ -118,12 +118,16 @@ class SurveyProgramme:
             code = row.code_of(stations.methods[k])
             run = row.run or f"interval {number + 1}"
             tools.append(ErrorTool(code, f"{run}, {stations.tools[k]}" if stations.tools[k] else run))
-            if row.angles == STATION and k > 0 and stations.measured[k]:
-                if not np.all(np.isfinite(stations.sigmas[k])):
-                    raise ProgrammeError(
-                        f"{self.name}: the station at {md:.1f} m has no sigma of its own; take its errors from the code"
-                        " (angles: code)"
-                    )
+            if k == 0 or not stations.measured[k]:
+                continue
+            known = np.all(np.isfinite(stations.sigmas[k]))
+            if row.angles == STATION and not known:
+                raise ProgrammeError(
+                    f"{self.name}: the station at {md:.1f} m has no sigma of its own; use the errors of the code for it"
+                    " (angles: code)"
+                )
+            # A tool code describes surveys that pass their checks, not a survey that failed and is used all the same.
+            if known and (row.angles == STATION or stations.failed[k]):
                 sigmas[k] = stations.sigmas[k]
         return StationErrors(tools, sigmas, self.tie_on.covariance())
 
@@ -146,6 +150,7 @@ class ProgrammeStations:
     md: Array  #: shape (n,); measured depth, m
     sigmas: Array  #: shape (n, 2); 1 sigma of inclination and azimuth of each station, rad, NaN if unknown
     measured: Sequence[bool]  #: True for stations, False for projected or planned points
+    failed: Sequence[bool]  #: True for a survey that is used although its verdict is doubtful or reject
     #: `legs`, `tools`, `methods`: leg, serial number of the tool, method of the azimuth; empty text if unknown
     legs: Sequence[str]
     tools: Sequence[str]
@@ -156,7 +161,7 @@ class ProgrammeStations:
         """Return measured stations of which only the depths are known; md, shape (n,): m."""
         n = md.size
         empty = [""] * n
-        return cls(md, np.full((n, 2), np.nan), [True] * n, empty, empty, empty)
+        return cls(md, np.full((n, 2), np.nan), [True] * n, [False] * n, empty, empty, empty)
 
 
 def read_programme(path: Path) -> SurveyProgramme:
