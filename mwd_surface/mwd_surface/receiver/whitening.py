@@ -219,10 +219,10 @@ def _mean_precision(square: Array, known: Array, out: Array) -> None:
         for k in range(_STATES):
             total += now[k]
         mixed = other * (total - now[0]) + begun * now[0]
-        quiet = steady * now[0] + ended * (total - now[0])
+        quiet, scale = steady * now[0] + ended * (total - now[0]), 1.0 / total
         for k in range(_STATES):
             p = quiet if k == 0 else stays * now[k] + mixed
-            now[k] = max(p / total * likelihood[i, k], 1e-100)
+            now[k] = max(p * scale * likelihood[i, k], 1e-100)
             chance[i, k] = now[k]
     after = np.ones(_STATES)
     for i in range(n - 1, -1, -1):
@@ -237,10 +237,10 @@ def _mean_precision(square: Array, known: Array, out: Array) -> None:
             whole += after[k]
         out[i] = known[i] * mean / total
         first, rest = after[0], whole - after[0]
-        mixed = ended * first + other * rest
+        mixed, scale = ended * first + other * rest, 1.0 / whole
         for k in range(_STATES):
             p = steady * first + begun * rest if k == 0 else stays * after[k] + mixed
-            after[k] = max(p / whole, 1e-100)
+            after[k] = max(p * scale, 1e-100)
 
 
 def steady_filter(pressure: Array, known: Array, order: int, floor: float) -> Array | None:
