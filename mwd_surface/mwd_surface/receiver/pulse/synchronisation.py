@@ -225,10 +225,18 @@ def _scores(whitened: Array, weight: Array, columns: Array, count: int) -> Array
     """
     length, c = columns.shape
     gram, folded, weighted = np.empty((c, c, count)), np.empty((c, count)), weight * whitened
+    # Most weights are 1, so subtract what the others lack.
+    lacking = np.flatnonzero(weight[: count + length - 1] < 1.0)
     for a in range(c):
         folded[a] = correlated(weighted, columns[:, a].copy(), count)
         for b in range(a + 1):
-            gram[a, b] = correlated(weight, columns[:, a] * columns[:, b], count)
+            product = columns[::-1, a] * columns[::-1, b]
+            gram[a, b] = product.sum()
+            for j in lacking:
+                first, end = max(j + 1 - length, 0), min(j + 1, count)
+                share, out, part = 1.0 - weight[j], gram[a, b, first:end], product[length - 1 - j + first :]
+                for i in range(end - first):
+                    out[i] -= share * part[i]
     ones, size = np.ones(length), np.sum(columns**2)
     total = np.maximum(correlated(weighted * whitened, ones, count), 1e-9)
     # A weight states the noise of a sample relative to the others, so each known sample counts as one.
@@ -248,19 +256,20 @@ def _raise(score: Array, gram: Array, folded: Array, precision: float, total: Ar
     each place and the number of its samples; score, shape (n,): changed.
     """
     c, n = folded.shape
-    root, along, pivot = gram.copy(), folded.copy(), np.empty((c, n))
+    root, along, pivot = np.empty((c, c, n)), folded.copy(), np.empty((c, n))
     share, ratio = np.zeros(n), np.ones(n)
     # Cholesky factor of the normal equations with their prior (L D L'), and the energy they explain; all places at
     # once, so that the compiler works on several of them at a time.
     for a in range(c):
         for b in range(a):
+            root[a, b] = gram[a, b]
             for k in range(b):
                 for i in range(n):
                     root[a, b, i] -= root[a, k, i] * root[b, k, i] * pivot[k, i]
             for i in range(n):
                 root[a, b, i] /= pivot[b, i]
         for i in range(n):
-            pivot[a, i] = root[a, a, i] + precision
+            pivot[a, i] = gram[a, a, i] + precision
         for k in range(a):
             for i in range(n):
                 pivot[a, i] -= root[a, k, i] * root[a, k, i] * pivot[k, i]
