@@ -15,8 +15,9 @@ import math
 
 import numpy as np
 
-from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
+from mwd_surface.receiver.pulse import trellis
 from mwd_surface.receiver.whitening import correlated
 
 SAMPLES_PER_TU = 4
@@ -203,6 +204,25 @@ def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, floa
             u[a] += inverse[a, b] * right[b]
         size += u[a] * u[a] + inverse[a, a]
     return u, math.sqrt(size / count), inverse
+
+
+@compiled
+def pulse_places(packets: Indices, chance: Array, start: int, least: float) -> Array:
+    """
+    Return the possible places of the pulses of packets, and their probabilities; shape (j, 3), as in `place_pairs`.
+
+    packets, shape (k, 5): as in `trellis.forward_backward`, from the sample `start` on; chance, shape (k, values):
+    probability of each value. Values with a probability of at most `least` are left out.
+    """
+    rows, found = np.empty((chance.size, 3)), 0
+    for k in range(len(packets)):
+        window = start + SAMPLES_PER_TU * packets[k, trellis.START]
+        for value in range(packets[k, trellis.COUNT]):
+            if chance[k, value] > least:
+                rows[found, 0] = start + SAMPLES_PER_TU * trellis.place(packets, k, value)
+                rows[found, 1], rows[found, 2] = chance[k, value], window
+                found += 1
+    return rows[:found].copy()
 
 
 @compiled

@@ -33,6 +33,7 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     normal_equations,
     place_pairs,
     pulse_columns,
+    pulse_places,
     reconstruct,
     spread,
     whitened_responses,
@@ -338,10 +339,7 @@ def _log_sums(logs: Array, count: Indices) -> Array:
 
 def expected_pulses(stretch: StretchOnToolClock, own: Array) -> ExpectedPulses:
     """Return all pulses that are expected in a stretch; own: the pulses of its packets, as in `ExpectedPulses`."""
-    at = stretch.start + SAMPLES_PER_TU * stretch.places
-    window = stretch.start + SAMPLES_PER_TU * stretch.packets[:, trellis.START, None]
-    rows = np.stack([at, own, np.broadcast_to(window, at.shape)], axis=-1).reshape(-1, 3)
-    rows = np.concatenate([stretch.pulses, rows[rows[:, 1] > 0.0]])
+    rows = np.concatenate([stretch.pulses, pulse_places(stretch.packets, own, stretch.start, 0.0)])
     return ExpectedPulses(own, rows, _edges(rows[:, 0], rows[:, 1], len(stretch.pressure)))
 
 
