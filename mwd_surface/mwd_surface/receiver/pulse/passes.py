@@ -162,36 +162,31 @@ def soft_words(
         sums = trellis.forward_backward(*given, parity)
         _, _, evidence = trellis.marginals(rows, *sums)
         for k, item in enumerate(items):
-            for code, log in trellis.best_words(*given, *sums, int(firsts[k]), _BEAM):
+            for code, log in trellis.best_words(*given, *sums, int(firsts[k]), _BEAM).tolist():
                 value = int(code) >> 1 if item.parity else int(code)
                 codes[k].setdefault(value, [0.0] * len(_TEMPERATURES))[t] += math.exp(min(log - evidence, 0.0))
     chances = [np.array(list(one.values())).T for one in codes]
-    fits = np.split(decision.fits, firsts[1:])
-    softs = []
-    for k, item in enumerate(items):
-        held = holds[k] if item.parity else None
-        soft = _mixed(list(codes[k]), chances[k], held, float(decision.disturbed[firsts[k]]))
-        softs.append(dataclasses.replace(soft, fits=_worst(fits[k].sum(axis=0))))
-    return softs
-
-
-def _worst(fits: Array) -> float:
-    """Return the log likelihood ratio of the table to all wrong tables; fits: the ratio to each kind of wrong table."""
     # A wrong table has the same kind of pulses in all packets of a word.
-    least = np.min(fits)
-    return float(least - np.log(np.mean(np.exp(least - fits))))
+    fits = np.add.reduceat(decision.fits, firsts)
+    least = fits.min(axis=1)
+    # Log likelihood ratio of the table to all wrong tables.
+    worst = least - np.log(np.mean(np.exp(least[:, None] - fits), axis=1))
+    return [
+        _mixed(list(codes[k]), chances[k], holds[k] if item.parity else None, decision.disturbed[firsts[k]], worst[k])
+        for k, item in enumerate(items)
+    ]
 
 
-def _mixed(codes: list[int], chances: Array, holds: Array | None, disturbed: float) -> Soft:
+def _mixed(codes: list[int], chances: Array, holds: Array | None, disturbed: float, fits: float) -> Soft:
     """
     Return the word with the mixed code probabilities of steady noise and of a disturbance.
 
     chances, shape (2, codes): probability of each code in steady noise and in a disturbance; holds, shape (2,): as in
-    `Soft`, None without a parity; disturbed: probability of a disturbance.
+    `Soft`, None without a parity; disturbed: probability of a disturbance; fits: as in `Soft`.
     """
     shares = np.array([1.0 - disturbed, disturbed])
     # A parity that probably fails is evidence for a disturbance of this word.
     given = shares if holds is None else shares * np.maximum(holds, _LEAST)
     found = given / given.sum() @ chances
-    candidates = tuple(Candidate(code, float(p)) for code, p in zip(codes, found, strict=True))
-    return Soft(candidates, None if holds is None else float(shares @ holds))
+    candidates = tuple(map(Candidate, codes, found.tolist()))
+    return Soft(candidates, None if holds is None else float(shares @ holds), float(fits))
