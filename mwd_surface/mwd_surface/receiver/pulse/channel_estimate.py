@@ -112,16 +112,15 @@ def pulse_columns(train: Array, shapes: Array) -> Array:
     ndarray, shape (n, c)
     """
     n, (c, m) = len(train), shapes.shape
-    turned = np.ascontiguousarray(shapes.T)
-    columns = np.zeros((n, c))
+    turned, columns = np.ascontiguousarray(shapes.T).ravel(), np.zeros(n * c)
     for i in range(n):
-        if train[i] > 1e-4:
-            for k in range(m):
-                j = i - BEFORE + k
-                if 0 <= j < n:
-                    for a in range(c):
-                        columns[j, a] += train[i] * turned[k, a]
-    return columns
+        if abs(train[i]) > 1e-4:
+            # All components of all samples in one run, for which the compiler works on several values at once.
+            first, end = max(i - BEFORE, 0), min(i - BEFORE + m, n)
+            size, out, pulse = train[i], columns[c * first : c * end], turned[c * (first - i + BEFORE) :]
+            for k in range(len(out)):
+                out[k] += size * pulse[k]
+    return columns.reshape(n, c)
 
 
 @compiled
@@ -292,14 +291,7 @@ def reconstruct(train: Array, response: Array) -> Array:
     train, shape (n,): expected number of edges at each sample; response, shape (m,): begins `BEFORE` samples before the
     edge.
     """
-    out = np.zeros(len(train))
-    for i in range(len(train)):
-        if abs(train[i]) > 1e-4:
-            for k in range(len(response)):
-                j = i - BEFORE + k
-                if 0 <= j < len(out):
-                    out[j] += train[i] * response[k]
-    return out
+    return pulse_columns(train, response.reshape(1, -1)).ravel()
 
 
 @compiled
