@@ -197,10 +197,12 @@ def _subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, avera
     size_c, size_s = np.empty(n), np.empty(n)
     for b in range(count + 1):
         left, right, middle = max(b - 1, 0), min(b, count - 1), _BLOCK * b - _BLOCK // 2
-        for i in range(max(middle, 0), middle + _BLOCK if b < count else n):
-            share = (i - middle + 0.5) / _BLOCK
-            size_c[i] = smooth_c[left] * (1.0 - share) + smooth_c[right] * share
-            size_s[i] = smooth_s[left] * (1.0 - share) + smooth_s[right] * share
+        begin, end = max(middle, 0), middle + _BLOCK if b < count else n
+        near_c, near_s = size_c[begin:end], size_s[begin:end]
+        for i in range(end - begin):
+            share = (i + begin - middle + 0.5) / _BLOCK
+            near_c[i] = smooth_c[left] * (1.0 - share) + smooth_c[right] * share
+            near_s[i] = smooth_s[left] * (1.0 - share) + smooth_s[right] * share
     for i in range(n):
         one = size_c[i] * cosine[i] + size_s[i] * sine[i]
         noise[i] -= one
@@ -278,7 +280,7 @@ def lines(noise: Array, known: Array, memory: float, cranks: Sequence[Crank] = (
     Arguments as in `pump_noise`.
     """
     out = np.zeros(len(noise))
-    rest = noise - np.mean(noise)
+    rest = noise - noise.mean()
     for one in cranks:
         _subtract_harmonics(rest, known, *one, _STROKES_HOLD * memory, out)
     _subtract_lines(rest, known, line_frequencies(rest), memory, out)
