@@ -93,15 +93,17 @@ class StretchOnToolClock:
         """Place of each packet value, TU after `start`; shape (k, values)."""
         return trellis.places_of(self.packets)
 
+    @functools.cached_property
     def own(self) -> list[slice]:
-        """Return the samples of each group."""
+        """Samples of each group."""
         return [
             slice(max(self.start + SAMPLES_PER_TU * int(begin) - BEFORE, 0), self.start + SAMPLES_PER_TU * int(end))
             for _, begin, end in self.groups
         ]
 
+    @functools.cached_property
     def members(self) -> list[slice]:
-        """Return the packets of each group."""
+        """Packets of each group."""
         return [slice(*ends) for ends in itertools.pairwise([*self.groups[:, 0], len(self.packets)])]
 
     def per_packet(self, values: Sequence[float] | Array) -> Array:
@@ -178,7 +180,7 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
             pumps = _new_noise(stretch, pulses, state, weight, cranks)
     fits = _fits(stretch, metric, common, level, pulses)
     g = _whitened(state.response[None], state.whitener)[0]
-    members = stretch.members()
+    members = stretch.members
     # Logarithm of the number of ways to place all pulses.
     ways = [float(packets[mine, trellis.BITS].sum()) * math.log(2.0) for mine in members]
     counts = np.array([mine.stop - mine.start for mine in members])
@@ -203,17 +205,17 @@ def _metric(
     """
     metric, level = np.zeros(int(stretch.groups[-1, 2])), np.ones(len(stretch.packets))
     shapes = _whitened(responses, whitener)
-    for (_, begin, end), mine, g in zip(stretch.groups, stretch.members(), shapes, strict=True):
+    for (_, begin, end), mine, g in zip(stretch.groups, stretch.members, shapes, strict=True):
         out, energy = matched(*data, g, stretch.start + SAMPLES_PER_TU * int(begin), int(end - begin))
         metric[begin:end] = out - 0.5 * energy
         middle = stretch.packets[mine, trellis.START] + stretch.packets[mine, trellis.COUNT] // 2 - begin
-        level[mine] = np.clip(energy[middle] / max(float(g @ g), 1e-300), 0.0, 1.0)
+        level[mine] = np.minimum(energy[middle] / max(float(g @ g), 1e-300), 1.0)
     return metric, level
 
 
 def _disturbed(stretch: StretchOnToolClock, weight: Array) -> Array:
     """Return the probability that a disturbance affects the samples of each group, by their weights."""
-    return np.array([1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own]))) for own in stretch.own()])
+    return np.array([1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own]))) for own in stretch.own])
 
 
 def _any_pulses(
@@ -370,7 +372,7 @@ def _estimate(
     shapes = _whitened(state.components, state.whitener)
     columns = pulse_columns(pulses.train, shapes)
     whole = normal_equations(columns, whitened, weight)
-    pairs, owns = [], stretch.own()
+    pairs, owns = [], stretch.own
     for own in owns:
         others = weight.copy()
         others[own] = 0.0
@@ -390,9 +392,9 @@ def _estimate(
         found.append(u)
         scales.append(scale)
         matrices.append(matrix)
-    mean = np.mean(found, axis=0)
-    state.response, state.scale = mean @ state.components, float(np.mean(scales))
-    state.posterior = mean, np.mean(matrices, axis=0)
+    mean: Array = np.add.reduce(found) / len(owns)
+    state.response, state.scale = mean @ state.components, sum(scales) / len(owns)
+    state.posterior = mean, np.add.reduce(matrices) / len(owns)
     return np.array(found) @ state.components
 
 

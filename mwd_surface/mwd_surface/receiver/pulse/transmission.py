@@ -11,6 +11,7 @@ import copy
 import dataclasses
 import itertools
 import math
+import statistics
 from collections import deque
 from typing import Any, NamedTuple
 
@@ -570,7 +571,7 @@ class Presence:
     @property
     def usual(self) -> float:
         """Median evidence per packet so far."""
-        return float(np.median(self._usual)) if self._usual else 0.0
+        return statistics.median(self._usual) if self._usual else 0.0
 
     @property
     def hopeless(self) -> bool:
