@@ -122,7 +122,7 @@ def _turning(omega: float, cosine: Array, sine: Array) -> None:
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
 
 
-class Average(NamedTuple):
+class LineAverage(NamedTuple):
     """Gaussian average of a line over blocks of samples."""
 
     falls: Array  #: shape (2 reach + 1,); weight of a block by its distance
@@ -133,7 +133,7 @@ class Average(NamedTuple):
 
 
 @compiled
-def _average(known: Array, memory: float) -> Average:
+def _average(known: Array, memory: float) -> LineAverage:
     """Return the average over samples with the weights `known`, shape (n,); memory: 1 sigma, samples."""
     sigma, count = memory / _BLOCK, len(known) // _BLOCK
     reach = int(3.0 * sigma)
@@ -142,7 +142,7 @@ def _average(known: Array, memory: float) -> Average:
     for b in range(count):
         for i in range(b * _BLOCK, (b + 1) * _BLOCK):
             weight[b] += known[i]
-    return Average(falls, weight, _smooth(weight, falls), sigma)
+    return LineAverage(falls, weight, _smooth(weight, falls), sigma)
 
 
 @compiled
@@ -153,7 +153,7 @@ def _smooth(blocks: Array, falls: Array) -> Array:
 
 
 @compiled
-def _subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, average: Average, out: Array) -> None:
+def _subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, average: LineAverage, out: Array) -> None:
     """
     Subtract one spectral line, if the line is stronger than the noise around it.
 
@@ -165,7 +165,7 @@ def _subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, avera
         Weight of each sample.
     cosine, sine : ndarray, shape (n,)
         Cosine and sine of the phase angle of the line.
-    average : Average
+    average : LineAverage
         Average for these weights.
     out : ndarray, shape (n,)
         The subtracted line is added to it.
@@ -247,7 +247,7 @@ def pump_noise(
     known : ndarray, shape (n,)
         Weight of each sample, 0 to 1.
     memory : float
-        1 sigma of the average, as in `Average`.
+        1 sigma of the average, as in `LineAverage`.
     angles : ndarray, shape (pumps, n), optional
         Crank angles from counted strokes, rad; NaN where a pump's angle is unknown.
 
