@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,8 +56,7 @@ _SYNC_SIZES, _SIZE_CHANGES = (1.25, 2.25), 0.07
 _MOST_SECOND = 8.0
 
 
-@dataclasses.dataclass(frozen=True)
-class Candidate:
+class Candidate(NamedTuple):
     """A possible value of a word: its code without parity, and its probability if the configuration is right."""
 
     code: int

@@ -130,7 +130,9 @@ def _mark(value: Array, levels: Array, kept: float, sides: Array) -> None:
         for side in range(2):
             sign = 2.0 * side - 1.0
             x, rows = sign * value[k], levels[side]
-            rows[:, 1:] *= kept
+            for level in rows:
+                level[1] *= kept
+                level[2] *= kept
             _count(x, rows)
             largest = max(abs(levels[0, 0, 0]), abs(levels[1, 0, 0]))
             for level in rows:

@@ -87,15 +87,21 @@ class Grid:
         ndarray, shape (count,)
             1 where the pressure is known, 0 in a gap.
         """
-        out = np.empty(count)
+        out, known = np.empty(count), np.empty(count)
         low = max(int(position) - self.first - 4, 0)
         high = min(int(position + pace * count) - self.first + 5, len(self._values))
         # Copy, so that the result has the same bits wherever the values lie in memory.
         interpolate(self._values[low:high].copy(), position - self.first - low, pace, out)
-        nearest = np.rint(position + pace * np.arange(count)).astype(np.int64) - self.first
-        inside = (nearest >= 0) & (nearest < len(self._known))
-        known = np.where(inside, self._known[np.clip(nearest, 0, max(len(self._known) - 1, 0))], 0.0)
+        _nearest(self._known, self.first, position, pace, known)
         return out, known
+
+
+@compiled
+def _nearest(known: Array, first: int, position: float, pace: float, out: Array) -> None:
+    """Fill `out` with the nearest of the values `known` from the position `first` on, 0 beyond; see `Grid.samples`."""
+    for k in range(len(out)):
+        at = round(position + pace * k) - first
+        out[k] = known[at] if 0 <= at < len(known) else 0.0
 
 
 @compiled

@@ -19,7 +19,7 @@ import scipy
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
-from mwd_surface.receiver.whitening import median, prediction_error_filter
+from mwd_surface.receiver.whitening import correlated, prediction_error_filter
 
 # Power over the spectral floor above which a line is subtracted. Weaker lines are left to the noise model, which
 # handles them better: with pulses of 0.3 s the lines lie within the spectrum of the pulses, and a lower limit lost
@@ -71,27 +71,46 @@ def line_frequencies(
     # The first difference removes the slope of 1/f noise, so that the noise floor is flat.
     step = np.diff(noise)
     whole = scipy.fft.next_fast_len(max(len(step), 1), real=True)
-    count = (whole // 2 + 1) // _NEIGHBOURHOOD
-    if count < 3:
+    if (whole // 2 + 1) // _NEIGHBOURHOOD < 3:
         return np.zeros(0)
     power = np.abs(np.fft.rfft((step - step.mean()) * _window(len(step)), whole)) ** 2
-    floors = np.array([median(one) for one in power[: count * _NEIGHBOURHOOD].reshape(count, _NEIGHBOURHOOD)])
-    at = (np.arange(count) + 0.5) * _NEIGHBOURHOOD
-    floor = np.interp(np.arange(len(power)), at, floors)
-    inner = power[2:-2]
-    peak = (inner >= power[1:-3]) & (inner >= power[3:-1]) & (inner > power[:-4]) & (inner > power[4:])
-    found = 2 + np.flatnonzero(peak & (inner > stands_out * floor[2:-2]))
-    low, high = np.array(band) * whole / (2.0 * math.pi)
-    found = found[(found >= low) & (found <= high)]
-    found = found[np.argsort(-power[found] / np.maximum(floor[found], 1e-300), kind="stable")][:_MOST_LINES]
-    # Interpolate the frequency of a Hann-windowed line from the amplitudes next to its largest one.
-    left, middle, right = (np.sqrt(power[found + k]) for k in (-1, 0, 1))
-    share = (right - left) / (2.0 * middle - left - right + 1e-300)
-    return np.asarray(2.0 * math.pi * (found + 0.5 * np.clip(share, -1.0, 1.0)) / whole)
+    low, high = (edge * whole / (2.0 * math.pi) for edge in band)
+    return np.asarray(2.0 * math.pi / whole * _peaks(power, stands_out, low, high, _MOST_LINES))
 
 
 @compiled
-def turning(omega: float, cosine: Array, sine: Array) -> None:
+def _peaks(power: Array, stands_out: float, low: float, high: float, most: int) -> Array:
+    """
+    Return the places, bins, of at most `most` lines between two places, strongest first.
+
+    power, shape (n,): spectrum of the noise with a Hann window; stands_out: as in `line_frequencies`.
+    """
+    count = len(power) // _NEIGHBOURHOOD
+    floors = np.array([np.median(power[k * _NEIGHBOURHOOD : (k + 1) * _NEIGHBOURHOOD]) for k in range(count)])
+    places, ratios, found = np.zeros(most + 1), np.zeros(most + 1), 0
+    for k in range(max(math.ceil(low), 2), min(math.floor(high), len(power) - 3) + 1):
+        if power[k] < max(power[k - 1], power[k + 1]) or power[k] <= max(power[k - 2], power[k + 2]):
+            continue
+        # The floor changes evenly between the middles of two neighbourhoods.
+        middle = min(max(k / _NEIGHBOURHOOD - 0.5, 0.0), count - 1.0)
+        below = min(int(middle), count - 2)
+        floor = floors[below] + (middle - below) * (floors[below + 1] - floors[below])
+        if power[k] <= stands_out * floor:
+            continue
+        # Interpolate the place of a Hann-windowed line from the amplitudes next to its largest one.
+        left, largest, right = math.sqrt(power[k - 1]), math.sqrt(power[k]), math.sqrt(power[k + 1])
+        share = (right - left) / (2.0 * largest - left - right + 1e-300)
+        place, ratio, at = k + 0.5 * min(max(share, -1.0), 1.0), power[k] / max(floor, 1e-300), found
+        while at > 0 and ratios[at - 1] < ratio:
+            places[at], ratios[at] = places[at - 1], ratios[at - 1]
+            at -= 1
+        places[at], ratios[at] = place, ratio
+        found = min(found + 1, most)
+    return places[:found].copy()
+
+
+@compiled
+def _turning(omega: float, cosine: Array, sine: Array) -> None:
     """Fill cosine and sine, shape (n,), of an angle that advances by omega rad per sample."""
     turn_c, turn_s = math.cos(omega), math.sin(omega)
     c, s = 1.0, 0.0
@@ -103,8 +122,38 @@ def turning(omega: float, cosine: Array, sine: Array) -> None:
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
 
 
+class LineAverage(NamedTuple):
+    """Gaussian average of a line over blocks of samples."""
+
+    falls: Array  #: shape (2 reach + 1,); weight of a block by its distance
+    #: `weight`, `total`: shape (blocks,); sum of the weights of the samples of each block, and its Gaussian average.
+    weight: Array
+    total: Array
+    sigma: float  #: 1 sigma of the average, blocks
+
+
 @compiled
-def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory: float, out: Array) -> None:
+def _average(known: Array, memory: float) -> LineAverage:
+    """Return the average over samples with the weights `known`, shape (n,); memory: 1 sigma, samples."""
+    sigma, count = memory / _BLOCK, len(known) // _BLOCK
+    reach = int(3.0 * sigma)
+    falls = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    weight = np.zeros(count)
+    for b in range(count):
+        for i in range(b * _BLOCK, (b + 1) * _BLOCK):
+            weight[b] += known[i]
+    return LineAverage(falls, weight, _smooth(weight, falls), sigma)
+
+
+@compiled
+def _smooth(blocks: Array, falls: Array) -> Array:
+    """Return the sums of the blocks around each block, weighted by `falls`."""
+    beyond = np.zeros(len(falls) // 2)
+    return correlated(np.concatenate((beyond, blocks, beyond)), falls, len(blocks))
+
+
+@compiled
+def _subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, average: LineAverage, out: Array) -> None:
     """
     Subtract one spectral line, if the line is stronger than the noise around it.
 
@@ -116,36 +165,24 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
         Weight of each sample.
     cosine, sine : ndarray, shape (n,)
         Cosine and sine of the phase angle of the line.
-    memory : float
-        1 sigma of the Gaussian window of the average, samples.
+    average : LineAverage
+        Average for these weights.
     out : ndarray, shape (n,)
         The subtracted line is added to it.
     """
-    n = len(noise)
-    count = n // _BLOCK
+    weight, total = average.weight, average.total
+    n, count = len(noise), len(weight)
     if count < 2:
         return
-    in_phase, across, weight = np.zeros(count), np.zeros(count), np.zeros(count)
+    in_phase, across = np.zeros(count), np.zeros(count)
     for b in range(count):
-        c = s = w = 0.0
+        c = s = 0.0
         for i in range(b * _BLOCK, (b + 1) * _BLOCK):
             x = 2.0 * known[i] * noise[i]
             c += x * cosine[i]
             s += x * sine[i]
-            w += known[i]
-        in_phase[b], across[b], weight[b] = c, s, w
-    sigma = memory / _BLOCK
-    reach = int(3.0 * sigma)
-    falls = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    smooth_c, smooth_s, total = np.zeros(count), np.zeros(count), np.zeros(count)
-    for j in range(count):
-        # Views that start at 0 let the compiler work on several blocks at once.
-        near = slice(max(j - reach, 0), min(j + reach + 1, count))
-        near_c, near_s, near_total, g = smooth_c[near], smooth_s[near], total[near], falls[reach + near.start - j :]
-        for b in range(len(near_c)):
-            near_c[b] += g[b] * in_phase[j]
-            near_s[b] += g[b] * across[j]
-            near_total[b] += g[b] * weight[j]
+        in_phase[b], across[b] = c, s
+    smooth_c, smooth_s = _smooth(in_phase, average.falls), _smooth(across, average.falls)
     line = raw = 0.0
     for b in range(count):
         if total[b] > 0.0:
@@ -154,17 +191,22 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
         line += weight[b] * (smooth_c[b] ** 2 + smooth_s[b] ** 2)
         raw += (in_phase[b] ** 2 + across[b] ** 2) / max(weight[b], 1.0)
     # The average of noise alone has a share of 1 / (2 sqrt(pi) sigma) of the power of the noise.
-    if line * 2.0 * math.sqrt(math.pi) * sigma < _COHERENT * max(raw - line, 0.0):
+    if line * 2.0 * math.sqrt(math.pi) * average.sigma < _COHERENT * max(raw - line, 0.0):
         return
     # Between the middles of two blocks the line changes evenly; before the first and after the last it is constant.
+    size_c, size_s = np.empty(n), np.empty(n)
     for b in range(count + 1):
         left, right, middle = max(b - 1, 0), min(b, count - 1), _BLOCK * b - _BLOCK // 2
-        for i in range(max(middle, 0), middle + _BLOCK if b < count else n):
-            share = (i - middle + 0.5) / _BLOCK
-            one = (smooth_c[left] * (1.0 - share) + smooth_c[right] * share) * cosine[i]
-            one += (smooth_s[left] * (1.0 - share) + smooth_s[right] * share) * sine[i]
-            noise[i] -= one
-            out[i] += one
+        begin, end = max(middle, 0), middle + _BLOCK if b < count else n
+        near_c, near_s = size_c[begin:end], size_s[begin:end]
+        for i in range(end - begin):
+            share = (i + begin - middle + 0.5) / _BLOCK
+            near_c[i] = smooth_c[left] * (1.0 - share) + smooth_c[right] * share
+            near_s[i] = smooth_s[left] * (1.0 - share) + smooth_s[right] * share
+    for i in range(n):
+        one = size_c[i] * cosine[i] + size_s[i] * sine[i]
+        noise[i] -= one
+        out[i] += one
 
 
 class Crank(NamedTuple):
@@ -176,22 +218,18 @@ class Crank(NamedTuple):
     harmonics: int  #: number of harmonics below a share of the highest frequency in the samples
 
 
+@compiled
 def crank(angle: Array) -> Crank:
     """Return the rotation of a pump from its crank angle, rad, shape (n,); NaN where the angle is unknown."""
-    steps = np.diff(angle)
-    steps = steps[np.isfinite(steps)]
-    highest = int(_HIGHEST * math.pi / max(median(steps), 1e-9)) if len(steps) else 0
-    return Crank(*_cosines(angle), min(highest, _MOST_HARMONICS))
-
-
-@compiled
-def _cosines(angle: Array) -> tuple[Array, Array]:
-    """Return cosine and sine of an angle; both are 0 where the angle is not finite."""
-    cosine, sine = np.zeros(len(angle)), np.zeros(len(angle))
+    cosine, sine, harmonics = np.zeros(len(angle)), np.zeros(len(angle)), 0
     for i in range(len(angle)):
         if math.isfinite(angle[i]):
             cosine[i], sine[i] = math.cos(angle[i]), math.sin(angle[i])
-    return cosine, sine
+    steps = angle[1:] - angle[:-1]
+    steps = steps[np.isfinite(steps)]
+    if len(steps):
+        harmonics = min(int(_HIGHEST * math.pi / max(np.median(steps), 1e-9)), _MOST_HARMONICS)
+    return Crank(cosine, sine, harmonics)
 
 
 def pump_noise(
@@ -209,7 +247,7 @@ def pump_noise(
     known : ndarray, shape (n,)
         Weight of each sample, 0 to 1.
     memory : float
-        1 sigma of the Gaussian window of the average, as in `subtract_line`.
+        1 sigma of the Gaussian window of the average, as in `LineAverage`.
     angles : ndarray, shape (pumps, n), optional
         Crank angles from counted strokes, rad; NaN where a pump's angle is unknown.
 
@@ -242,14 +280,24 @@ def lines(noise: Array, known: Array, memory: float, cranks: Sequence[Crank] = (
     Arguments as in `pump_noise`.
     """
     out = np.zeros(len(noise))
-    rest = noise - np.mean(noise)
+    rest = noise - noise.mean()
     for one in cranks:
         _subtract_harmonics(rest, known, *one, _STROKES_HOLD * memory, out)
-    cosine, sine = np.empty(len(noise)), np.empty(len(noise))
-    for omega in line_frequencies(rest):
-        turning(float(omega), cosine, sine)
-        subtract_line(rest, known, cosine, sine, memory, out)
+    _subtract_lines(rest, known, line_frequencies(rest), memory, out)
     return out
+
+
+@compiled
+def _subtract_lines(rest: Array, known: Array, omegas: Array, memory: float, out: Array) -> None:
+    """
+    Subtract lines of given frequencies, rad per sample, from `rest` and add them to `out`, both shape (n,), in place.
+
+    Other arguments as in `pump_noise`.
+    """
+    average, cosine, sine = _average(known, memory), np.empty(len(rest)), np.empty(len(rest))
+    for omega in omegas:
+        _turning(omega, cosine, sine)
+        _subtract_line(rest, known, cosine, sine, average, out)
 
 
 @compiled
@@ -259,12 +307,12 @@ def _subtract_harmonics(
     """
     Subtract the first harmonics of a crank from `rest` and add them to `out`, both shape (n,), in place.
 
-    turn_c, turn_s: cosine and sine, as in `Crank`; other arguments as in `subtract_line`.
+    turn_c, turn_s: cosine and sine, as in `Crank`; other arguments as in `pump_noise`.
     """
     runs = np.where((turn_c == 0.0) & (turn_s == 0.0), 0.0, known)
-    cosine, sine = turn_c.copy(), turn_s.copy()
+    average, cosine, sine = _average(runs, memory), turn_c.copy(), turn_s.copy()
     for _ in range(harmonics):
-        subtract_line(rest, runs, cosine, sine, memory, out)
+        _subtract_line(rest, runs, cosine, sine, average, out)
         for i in range(len(rest)):
             c = cosine[i]
             cosine[i], sine[i] = c * turn_c[i] - sine[i] * turn_s[i], c * turn_s[i] + sine[i] * turn_c[i]

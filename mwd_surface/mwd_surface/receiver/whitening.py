@@ -113,18 +113,33 @@ def _predicted(lags: Array, count: float, best: Array) -> float:
 
 
 @compiled
-def filtered(x: Array, taps: Array) -> Array:
-    """Return x, shape (n,), after a causal filter. Before its first sample x counts as constant."""
-    out, before = np.zeros(len(x)), len(taps) - 1
-    longer = np.concatenate((np.full(before, x[0]), x))
-    # One coefficient for all samples, then the next: the compiler works on several samples at once.
-    for k in range(len(taps)):
-        tap, late = taps[k], longer[before - k :]
-        for i in range(len(out)):
+def correlated(x: Array, taps: Array, count: int) -> Array:
+    """
+    Return the sums of the products of taps, shape (k,), with the values of x from each of `count` places on.
+
+    x, shape (n,): n is at least `count` + k - 1.
+    """
+    out, whole = np.zeros(count), len(taps) - len(taps) % 4
+    # Some taps for all places, then the next taps: the compiler works on several places at once.
+    for k in range(0, whole, 4):
+        a, b, c, d = taps[k], taps[k + 1], taps[k + 2], taps[k + 3]
+        x_a, x_b, x_c, x_d = x[k:], x[k + 1 :], x[k + 2 :], x[k + 3 :]
+        for i in range(count):
+            out[i] += (a * x_a[i] + b * x_b[i]) + (c * x_c[i] + d * x_d[i])
+    for k in range(whole, len(taps)):
+        tap, late = taps[k], x[k:]
+        for i in range(count):
             out[i] += tap * late[i]
     return out
 
 
+@compiled
+def filtered(x: Array, taps: Array) -> Array:
+    """Return x, shape (n,), after a causal filter. Before its first sample x counts as constant."""
+    return correlated(np.concatenate((np.full(len(taps) - 1, x[0]), x)), taps[::-1].copy(), len(x))
+
+
+@compiled
 def steadiness(noise: Array, known: Array) -> Array:
     """
     Return the weight of each sample: small where the noise is large, 0 where the sample is unknown.
@@ -141,9 +156,10 @@ def steadiness(noise: Array, known: Array) -> Array:
     """
     local, usual = _sizes(noise, known)
     # The mean of 25 squares exceeds twice its expectation by chance once in thousands.
-    return np.asarray(known * np.minimum(1.0, 2.0 * usual / np.maximum(local, 1e-12)))
+    return known * np.minimum(1.0, 2.0 * usual / np.maximum(local, 1e-12))
 
 
+@compiled
 def precision(noise: Array, known: Array) -> Array:
     """
     Return the posterior mean of 1 / variance of each sample; 1 in steady noise, 0 where the sample is unknown.
@@ -167,12 +183,14 @@ def median(values: Array) -> float:
     return float(np.median(values))
 
 
+@compiled
 def _sizes(noise: Array, known: Array) -> tuple[Array, float]:
     """Return the mean square of the noise around each sample, and the median of the mean squares."""
-    local = np.convolve(noise**2, np.ones(2 * _LOCAL + 1) / (2 * _LOCAL + 1), mode="same")
+    beyond, width = np.zeros(_LOCAL), 2 * _LOCAL + 1
+    local = correlated(np.concatenate((beyond, noise**2, beyond)), np.full(width, 1.0 / width), len(noise))
     seen = local[known > 0.0]
-    usual = median(seen) if len(seen) else 0.0
-    return local, max(usual, 1e-6 * float(local.mean()), 1e-12)
+    usual = float(np.median(seen)) if len(seen) else 0.0
+    return local, max(usual, 1e-6 * local.mean(), 1e-12)
 
 
 @compiled
@@ -201,10 +219,10 @@ def _mean_precision(square: Array, known: Array, out: Array) -> None:
         for k in range(_STATES):
             total += now[k]
         mixed = other * (total - now[0]) + begun * now[0]
-        quiet = steady * now[0] + ended * (total - now[0])
+        quiet, scale = steady * now[0] + ended * (total - now[0]), 1.0 / total
         for k in range(_STATES):
             p = quiet if k == 0 else stays * now[k] + mixed
-            now[k] = max(p / total * likelihood[i, k], 1e-100)
+            now[k] = max(p * scale * likelihood[i, k], 1e-100)
             chance[i, k] = now[k]
     after = np.ones(_STATES)
     for i in range(n - 1, -1, -1):
@@ -219,10 +237,10 @@ def _mean_precision(square: Array, known: Array, out: Array) -> None:
             whole += after[k]
         out[i] = known[i] * mean / total
         first, rest = after[0], whole - after[0]
-        mixed = ended * first + other * rest
+        mixed, scale = ended * first + other * rest, 1.0 / whole
         for k in range(_STATES):
             p = steady * first + begun * rest if k == 0 else stays * after[k] + mixed
-            after[k] = max(p / whole, 1e-100)
+            after[k] = max(p * scale, 1e-100)
 
 
 def steady_filter(pressure: Array, known: Array, order: int, floor: float) -> Array | None:

@@ -11,11 +11,14 @@ posterior mean (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machi
 from __future__ import annotations
 
 import functools
+import math
 
 import numpy as np
 
-from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
+from mwd_surface.receiver.pulse import trellis
+from mwd_surface.receiver.whitening import correlated
 
 SAMPLES_PER_TU = 4
 BEFORE = 12  # samples of the response before the nominal edge, for a slow rise and a timing error of the sync
@@ -80,6 +83,19 @@ def basis(length: int, tu_s: float) -> Array:
 
 
 @compiled
+def whitened_responses(responses: Array, whitener: Array, count: int) -> Array:
+    """
+    Return the first samples of responses, shape (c, m), after a prediction error filter; shape (c, count).
+
+    whitener, shape (k,): coefficients; the first belongs to the newest sample. `count` is at most m + k - 1.
+    """
+    beyond, turned, out = np.zeros(len(whitener) - 1), whitener[::-1].copy(), np.empty((len(responses), count))
+    for a in range(len(responses)):
+        out[a] = correlated(np.concatenate((beyond, responses[a], beyond)), turned, count)
+    return out
+
+
+@compiled
 def pulse_columns(train: Array, shapes: Array) -> Array:
     """
     Return the whitened pressure of a train of pulses for each component of the response.
@@ -96,16 +112,15 @@ def pulse_columns(train: Array, shapes: Array) -> Array:
     ndarray, shape (n, c)
     """
     n, (c, m) = len(train), shapes.shape
-    turned = np.ascontiguousarray(shapes.T)
-    columns = np.zeros((n, c))
+    turned, columns = np.ascontiguousarray(shapes.T).ravel(), np.zeros(n * c)
     for i in range(n):
-        if train[i] > 1e-4:
-            for k in range(m):
-                j = i - BEFORE + k
-                if 0 <= j < n:
-                    for a in range(c):
-                        columns[j, a] += train[i] * turned[k, a]
-    return columns
+        if abs(train[i]) > 1e-4:
+            # All components of all samples in one run, for which the compiler works on several values at once.
+            first, end = max(i - BEFORE, 0), min(i - BEFORE + m, n)
+            size, out, pulse = train[i], columns[c * first : c * end], turned[c * (first - i + BEFORE) :]
+            for k in range(len(out)):
+                out[k] += size * pulse[k]
+    return columns.reshape(n, c)
 
 
 @compiled
@@ -145,6 +160,7 @@ def normal_equations(columns: Array, whitened: Array, weight: Array) -> tuple[Ar
     return matrix, right
 
 
+@compiled
 def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, float, Array]:
     """
     Return the posterior of the coefficients and their re-estimated scale.
@@ -166,9 +182,46 @@ def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, floa
         Posterior covariance of the coefficients, Pa^2.
     """
     count = len(right)
-    inverse = np.asarray(np.linalg.inv(matrix + np.eye(count) / scale**2), dtype=float)
-    u = inverse @ right
-    return u, float(np.sqrt((u @ u + np.trace(inverse)) / count)), inverse
+    inverse = matrix.copy()
+    for a in range(count):
+        inverse[a, a] += 1.0 / scale**2
+    # Gauss-Jordan elimination in place; a positive definite matrix needs no other order of the pivots.
+    for k in range(count):
+        pivot = 1.0 / inverse[k, k]
+        inverse[k, k] = 1.0
+        for b in range(count):
+            inverse[k, b] *= pivot
+        for a in range(count):
+            if a != k:
+                share = inverse[a, k]
+                inverse[a, k] = 0.0
+                for b in range(count):
+                    inverse[a, b] -= share * inverse[k, b]
+    u, size = np.zeros(count), 0.0
+    for a in range(count):
+        for b in range(count):
+            u[a] += inverse[a, b] * right[b]
+        size += u[a] * u[a] + inverse[a, a]
+    return u, math.sqrt(size / count), inverse
+
+
+@compiled
+def pulse_places(packets: Indices, chance: Array, start: int, least: float) -> Array:
+    """
+    Return the possible places of the pulses of packets, and their probabilities; shape (j, 3), as in `place_pairs`.
+
+    packets, shape (k, 5): as in `trellis.forward_backward`, from the sample `start` on; chance, shape (k, values):
+    probability of each value. Values with a probability of at most `least` are left out.
+    """
+    rows, found = np.empty((chance.size, 3)), 0
+    for k in range(len(packets)):
+        window = start + SAMPLES_PER_TU * packets[k, trellis.START]
+        for value in range(packets[k, trellis.COUNT]):
+            if chance[k, value] > least:
+                rows[found, 0] = start + SAMPLES_PER_TU * trellis.place(packets, k, value)
+                rows[found, 1], rows[found, 2] = chance[k, value], window
+                found += 1
+    return rows[:found].copy()
 
 
 @compiled
@@ -238,14 +291,7 @@ def reconstruct(train: Array, response: Array) -> Array:
     train, shape (n,): expected number of edges at each sample; response, shape (m,): begins `BEFORE` samples before the
     edge.
     """
-    out = np.zeros(len(train))
-    for i in range(len(train)):
-        if abs(train[i]) > 1e-4:
-            for k in range(len(response)):
-                j = i - BEFORE + k
-                if 0 <= j < len(out):
-                    out[j] += train[i] * response[k]
-    return out
+    return pulse_columns(train, response.reshape(1, -1)).ravel()
 
 
 @compiled
@@ -271,27 +317,22 @@ def matched(whitened: Array, weight: Array, response: Array, start: int, count: 
     ndarray, shape (count,)
         Energy of the response under the weights at that place.
     """
-    out, energy = np.empty(count), np.empty(count)
-    for k in range(count):
-        total = power = 0.0
-        for m in range(len(response)):
-            j = start + k * SAMPLES_PER_TU - BEFORE + m
-            if 0 <= j < len(whitened):
-                w = weight[j] * response[m]
-                total += w * whitened[j]
-                power += w * response[m]
-        out[k] = total
-        energy[k] = power
-    return out, energy
+    begin, end = start - BEFORE, start - BEFORE + SAMPLES_PER_TU * (count - 1) + len(response)
+    before, after = np.zeros(max(-begin, 0)), np.zeros(max(end - len(weight), 0))
+    here = slice(max(begin, 0), max(end, 0))
+    near = np.concatenate((before, weight[here], after))
+    folded = np.concatenate((before, weight[here] * whitened[here], after))
+    places = SAMPLES_PER_TU * (count - 1) + 1
+    out, energy = correlated(folded, response, places), correlated(near, response**2, places)
+    return out[::SAMPLES_PER_TU].copy(), energy[::SAMPLES_PER_TU].copy()
 
 
+@compiled
 def common_energy(response: Array, places: int) -> Array:
     """
     Return the common energy of two pulses at each distance 0, 1, 2 ... TU, shape (places,).
 
     response, shape (m,): whitened response to a pulse.
     """
-    full = np.correlate(response, response, mode="full")[len(response) - 1 :: SAMPLES_PER_TU]
-    out = np.zeros(places)
-    out[: min(places, len(full))] = full[:places]
-    return out
+    count = SAMPLES_PER_TU * places
+    return correlated(np.concatenate((response, np.zeros(count))), response, count)[::SAMPLES_PER_TU].copy()

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,9 +17,10 @@ from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Candidate, Soft
 from mwd_surface.receiver.pulse import segment, trellis
-from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
+from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, pulse_places
 from mwd_surface.receiver.words import packet_rows
 
+_LEAST_CHANCE = 1e-3  # probability above which a place of a pulse is kept
 # Smallest number of bits of a stretch: short words are decoded together. A survey word is long enough alone, so it is
 # shown as soon as it has arrived.
 _STRETCH_BITS = 12
@@ -34,14 +34,6 @@ _BEAM = 16  # number of the most probable codes of a word that are kept
 _TEMPERATURES = (1.0, 2.5)
 # Lowest probability of a parity that floating point distinguishes from 0.
 _LEAST = tuple(1e-15 ** (1.0 / temperature) for temperature in _TEMPERATURES)
-
-
-class PulsePlace(NamedTuple):
-    """Possible place of a pulse, its probability, and the begin of its packet's window; samples of the transmission."""
-
-    at: float
-    chance: float
-    window: float
 
 
 @dataclasses.dataclass
@@ -58,19 +50,10 @@ class DecodedWord:
     ebn0_db: float
     pulses: bool = True  #: whether any pulses were found in the word
 
-    def places(self) -> list[PulsePlace]:
-        """Return the places with a probability above 0.001 of the pulses of the word; none if it has no pulses."""
-        found: list[PulsePlace] = []
-        if not self.pulses:
-            return found
-        chances = self.probability * self.present
-        for row, places, chance in zip(self.rows, trellis.places_of(self.rows), chances, strict=True):
-            window = float(self.at + SAMPLES_PER_TU * row[trellis.START])
-            for value in range(row[trellis.COUNT]):
-                if chance[value] > 1e-3:
-                    at = float(self.at + SAMPLES_PER_TU * places[value])
-                    found.append(PulsePlace(at, float(chance[value]), window))
-        return found
+    def places(self) -> Array:
+        """Return the probable places of the pulses of the word, as `pulse_places`; none if it has no pulses."""
+        least = _LEAST_CHANCE if self.pulses else math.inf
+        return pulse_places(self.rows, self.probability * self.present, self.at, least)
 
 
 @dataclasses.dataclass
@@ -148,10 +131,10 @@ def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH
     return items[done:end]
 
 
-def sync_places(tool: ToolConfiguration, start: int) -> list[PulsePlace]:
-    """Return the places of the pulses of a sync that starts at the sample `start`."""
-    edges = (float(start + SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu)
-    return [PulsePlace(edge, 1.0, edge) for edge in edges]
+def sync_places(tool: ToolConfiguration, start: int) -> Array:
+    """Return the places of the pulses of a sync that starts at the sample `start`, as `pulse_places`."""
+    at = float(start) + SAMPLES_PER_TU * np.array(tool.sync.edges_tu)
+    return np.column_stack([at, np.ones(len(at)), at])
 
 
 def rows_from_sync(tool: ToolConfiguration, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
@@ -179,36 +162,32 @@ def soft_words(
         sums = trellis.forward_backward(*given, parity)
         _, _, evidence = trellis.marginals(rows, *sums)
         for k, item in enumerate(items):
-            for code, log in trellis.best_words(*given, *sums, int(firsts[k]), _BEAM):
+            for code, log in trellis.best_words(*given, *sums, int(firsts[k]), _BEAM).tolist():
                 value = int(code) >> 1 if item.parity else int(code)
                 codes[k].setdefault(value, [0.0] * len(_TEMPERATURES))[t] += math.exp(min(log - evidence, 0.0))
     chances = [np.array(list(one.values())).T for one in codes]
-    fits = np.split(decision.fits, firsts[1:])
-    softs = []
-    for k, item in enumerate(items):
-        held = holds[k] if item.parity else None
-        soft = _mixed(list(codes[k]), chances[k], held, float(decision.disturbed[firsts[k]]))
-        softs.append(dataclasses.replace(soft, fits=_worst(fits[k].sum(axis=0))))
-    return softs
-
-
-def _worst(fits: Array) -> float:
-    """Return the log likelihood ratio of the table to all wrong tables; fits: the ratio to each kind of wrong table."""
     # A wrong table has the same kind of pulses in all packets of a word.
-    least = np.min(fits)
-    return float(least - np.log(np.mean(np.exp(least - fits))))
+    fits = np.add.reduceat(decision.fits, firsts)
+    least = fits.min(axis=1)
+    # Log likelihood ratio of the table to all wrong tables.
+    worst = least - np.log(np.mean(np.exp(least[:, None] - fits), axis=1))
+    return [
+        _mixed(list(codes[k]), chances[k], holds[k] if item.parity else None, decision.disturbed[firsts[k]], worst[k])
+        for k, item in enumerate(items)
+    ]
 
 
-def _mixed(codes: list[int], chances: Array, holds: Array | None, disturbed: float) -> Soft:
+def _mixed(codes: list[int], chances: Array, holds: Array | None, disturbed: float, fits: float) -> Soft:
     """
     Return the word with code probabilities averaged over two noises: steady noise and a disturbance.
 
     chances, shape (2, codes): probability of each code in steady noise and in a disturbance. holds, shape (2,): as in
-    `Soft`; None without a parity. disturbed: probability of a disturbance; a parity that probably fails raises it.
+    `Soft`; None without a parity. disturbed: probability of a disturbance; a parity that
+    probably fails raises it. fits: as in `Soft`.
     """
     shares = np.array([1.0 - disturbed, disturbed])
     # A parity that probably fails is evidence for a disturbance of this word.
     given = shares if holds is None else shares * np.maximum(holds, _LEAST)
     found = given / given.sum() @ chances
-    candidates = tuple(Candidate(code, float(p)) for code, p in zip(codes, found, strict=True))
-    return Soft(candidates, None if holds is None else float(shares @ holds))
+    candidates = tuple(map(Candidate, codes, found.tolist()))
+    return Soft(candidates, None if holds is None else float(shares @ holds), float(fits))

@@ -18,9 +18,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.core.compiled import compiled
 from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_surface.receiver.pulse import trellis
 from mwd_surface.receiver.pulse.channel_estimate import (
@@ -33,11 +33,13 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     normal_equations,
     place_pairs,
     pulse_columns,
+    pulse_places,
     reconstruct,
     spread,
+    whitened_responses,
 )
 from mwd_surface.receiver.pump_lines import Crank, lines, pump_noise
-from mwd_surface.receiver.whitening import filtered, precision, prediction_error_filter
+from mwd_surface.receiver.whitening import correlated, filtered, precision, prediction_error_filter
 
 # Order of the noise model: 6 TU. A longer model reaches the next pulse and contains the errors of the expected pulses:
 # with 10 TU, 1 to 2 % more words are lost with pulses of .3 s at 4 km (`other_mud.py`).
@@ -91,6 +93,7 @@ class StretchOnToolClock:
         """Place of each packet value, TU after `start`; shape (k, values)."""
         return trellis.places_of(self.packets)
 
+    @functools.cached_property
     def own(self) -> list[slice]:
         """Return the range of samples that belongs to each group of packets."""
         return [
@@ -98,8 +101,9 @@ class StretchOnToolClock:
             for _, begin, end in self.groups
         ]
 
+    @functools.cached_property
     def members(self) -> list[slice]:
-        """Return the packets of each group."""
+        """Packets of each group."""
         return [slice(*ends) for ends in itertools.pairwise([*self.groups[:, 0], len(self.packets)])]
 
     def per_packet(self, values: Sequence[float] | Array) -> Array:
@@ -161,7 +165,7 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     for turn in range(_ROUNDS):
         whitened = filtered(stretch.pressure - pumps, state.whitener)
         responses = _estimate(stretch, state, whitened, weight, pulses)
-        g = _whitened(state.response, state.whitener)
+        g = _whitened(state.response[None], state.whitener)[0]
         if turn > 0 or again:
             weight = precision(whitened - reconstruct(pulses.train, g), stretch.known)
         metric, level = _metric(stretch, responses, state.whitener, (whitened, weight))
@@ -175,8 +179,8 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
         if not (again and turn == _ROUNDS - 1):
             pumps = _new_noise(stretch, pulses, state, weight, cranks)
     fits = _fits(stretch, metric, common, level, pulses)
-    g = _whitened(state.response, state.whitener)
-    members = stretch.members()
+    g = _whitened(state.response[None], state.whitener)[0]
+    members = stretch.members
     # Logarithm of the number of ways to place all pulses.
     ways = [float(packets[mine, trellis.BITS].sum()) * math.log(2.0) for mine in members]
     counts = np.array([mine.stop - mine.start for mine in members])
@@ -200,18 +204,18 @@ def _metric(
     responses, shape (g, m): response for each group; data: whitened pressure and weights.
     """
     metric, level = np.zeros(int(stretch.groups[-1, 2])), np.ones(len(stretch.packets))
-    for (_, begin, end), mine, response in zip(stretch.groups, stretch.members(), responses, strict=True):
-        g = _whitened(response, whitener)
+    shapes = _whitened(responses, whitener)
+    for (_, begin, end), mine, g in zip(stretch.groups, stretch.members, shapes, strict=True):
         out, energy = matched(*data, g, stretch.start + SAMPLES_PER_TU * int(begin), int(end - begin))
         metric[begin:end] = out - 0.5 * energy
         middle = stretch.packets[mine, trellis.START] + stretch.packets[mine, trellis.COUNT] // 2 - begin
-        level[mine] = np.clip(energy[middle] / max(float(g @ g), 1e-300), 0.0, 1.0)
+        level[mine] = np.minimum(energy[middle] / max(float(g @ g), 1e-300), 1.0)
     return metric, level
 
 
 def _disturbed(stretch: StretchOnToolClock, weight: Array) -> Array:
     """Return the probability that a disturbance affects the samples of each group, by their weights."""
-    return np.array([1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own]))) for own in stretch.own()])
+    return np.array([1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own]))) for own in stretch.own])
 
 
 def _any_pulses(
@@ -225,21 +229,29 @@ def _any_pulses(
     A missing pulse has the likelihood of no pulse, whatever the value is; a second pulse may be at any place of the
     window. Both limit the confidence of a packet: a window without its pulse contains no information about the value.
     """
-    packets, missing = stretch.packets, stretch.missing
+    count, missing = stretch.packets[:, trellis.COUNT], stretch.missing
     unary = unary - beside
-    count = packets[:, trellis.COUNT].astype(float)
-    real = np.arange(unary.shape[1])[None, :] < packets[:, trellis.COUNT, None]
-    second = unary + _second(unary, stretch.places, real, common, level) + np.log(_EXTRA / count)[:, None]
+    second = unary + _second(unary, stretch.places, count, common, level) + np.log(_EXTRA / count)[:, None]
     pulse = np.logaddexp(unary + math.log(1.0 - missing - _EXTRA), second)
     total = np.logaddexp(pulse, math.log(missing))
     return total + beside, np.exp(pulse - total)
 
 
-def _second(unary: Array, at: Indices, real: NDArray[np.bool_], common: Array, level: Array) -> Array:
-    """Return the log sum of the metrics of a second pulse, for each place of the first; at: places, TU."""
-    gap = np.minimum(np.abs(at[:, :, None] - at[:, None, :]), len(common) - 1)
-    both = unary[:, None, :] - level[:, None, None] * common[gap]
-    return _log_sum(np.where(real[:, None, :] & (gap > 1), both, -np.inf))
+@compiled
+def _second(unary: Array, at: Indices, count: Indices, common: Array, level: Array) -> Array:
+    """
+    Return the log sum of the metrics of a second pulse, for each place of the first.
+
+    at: places, TU; count, shape (k,): number of the places of each packet at which the second pulse may be.
+    """
+    out, logs = np.empty(unary.shape), np.empty(unary.shape[1])
+    for k in range(len(unary)):
+        for value in range(unary.shape[1]):
+            for other in range(count[k]):
+                gap = min(abs(at[k, value] - at[k, other]), len(common) - 1)
+                logs[other] = unary[k, other] - level[k] * common[gap] if gap > 1 else trellis.NEVER
+            out[k, value] = trellis.log_sum(logs[: count[k]])
+    return out
 
 
 def shared_energy(
@@ -264,20 +276,31 @@ def shared_energy(
     ndarray, shape (k, n)
         Energy shared with the packets before and after.
     """
-    beyond = len(common)
+    beyond, count = len(common), int(stretch.groups[-1, 2])
     place = beyond + (pulses.rows[:, 0] - stretch.start) / SAMPLES_PER_TU
-    edges = _edges(place, pulses.rows[:, 1], int(stretch.groups[-1, 2]) + 2 * beyond)
-    total = np.convolve(edges, np.concatenate([common[:0:-1], common]), mode="same")[beyond:][at]
-    by_gap = np.append(common, 0.0)
+    edges = _edges(place, pulses.rows[:, 1], count + 2 * beyond)
+    total = correlated(edges[1:], np.concatenate([common[:0:-1], common]), count)[at]
+    within, beside = _near_energy(at, stretch.places, pulses.own, common)
+    return total - within - beside, beside
 
-    def shared(one: slice, other: slice) -> Array:
-        gap = np.minimum(np.abs(at[one, :, None] - stretch.places[other, None, :]), beyond)
-        return np.asarray(np.sum(pulses.own[other, None, :] * by_gap[gap], axis=2))
 
-    beside = np.zeros(at.shape)
-    beside[1:] += shared(slice(1, None), slice(None, -1))
-    beside[:-1] += shared(slice(None, -1), slice(1, None))
-    return total - shared(slice(None), slice(None)) - beside, beside
+@compiled
+def _near_energy(at: Indices, places: Indices, own: Array, common: Array) -> tuple[Array, Array]:
+    """
+    Return the mean energy that a pulse of each packet shares with its own packet and with the neighbouring packets.
+
+    at, common: as in `shared_energy`; places, own: as in `StretchOnToolClock` and `ExpectedPulses`.
+    """
+    within, beside = np.zeros(at.shape), np.zeros(at.shape)
+    for k in range(at.shape[0]):
+        for j in range(max(k - 1, 0), min(k + 2, len(places))):
+            out = within if j == k else beside
+            for v in range(at.shape[1]):
+                for u in range(places.shape[1]):
+                    gap = abs(at[k, v] - places[j, u])
+                    if gap < len(common):
+                        out[k, v] += own[j, u] * common[gap]
+    return within, beside
 
 
 def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Array, pulses: ExpectedPulses) -> Array:
@@ -296,42 +319,45 @@ def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Arra
     each = np.arange(int(size.max()))[None, :]
     at = packets[:, trellis.START, None] + np.minimum(each, size - 1)
     unary = metric[at] - level[:, None] * sum(shared_energy(stretch, at, common, pulses))
-    here = each < size
-    inside = _log_sum(np.where(each < size - GAP_TU, unary, -np.inf)) - np.log(size[:, 0] - GAP_TU)
-    free = [_log_sum(np.where(here, unary, -np.inf)) - np.log(size[:, 0])]
+    counts = size[:, 0]
+    inside = _log_sums(unary, counts - GAP_TU) - np.log(counts - GAP_TU)
+    free = [_log_sums(unary, counts) - np.log(counts)]
     for share in (1.0, 0.5):
         first = share * unary + 0.5 * share * (1.0 - share) * common[0] * level[:, None]
-        both = first + _second(first, at, here, share**2 * common, level)
-        free.append(_log_sum(np.where(here, both, -np.inf)) - 2.0 * np.log(size[:, 0]))
+        both = first + _second(first, at, counts, share**2 * common, level)
+        free.append(_log_sums(both, counts) - 2.0 * np.log(counts))
     sent, none = math.log(1.0 - missing), math.log(missing)
     return np.asarray((np.logaddexp(sent + inside, none) - np.logaddexp(sent + np.array(free), none)).T)
 
 
-def _log_sum(logs: Array) -> Array:
-    """Return the logarithm of the sum of exponentials along the last axis."""
-    top = np.maximum(logs.max(axis=-1), -1e300)
-    return np.asarray(top + np.log(np.sum(np.exp(logs - top[..., None]), axis=-1) + 1e-300))
+@compiled
+def _log_sums(logs: Array, count: Indices) -> Array:
+    """Return the log sum of the first `count` logarithms of each row."""
+    out = np.empty(len(logs))
+    for k in range(len(logs)):
+        out[k] = trellis.log_sum(logs[k, : count[k]])
+    return out
 
 
 def expected_pulses(stretch: StretchOnToolClock, own: Array) -> ExpectedPulses:
     """Return all pulses that are expected in a stretch; own: the pulses of its packets, as in `ExpectedPulses`."""
-    at = stretch.start + SAMPLES_PER_TU * stretch.places
-    window = stretch.start + SAMPLES_PER_TU * stretch.packets[:, trellis.START, None]
-    rows = np.stack([at, own, np.broadcast_to(window, at.shape)], axis=-1).reshape(-1, 3)
-    rows = np.concatenate([stretch.pulses, rows[rows[:, 1] > 0.0]])
+    rows = np.concatenate([stretch.pulses, pulse_places(stretch.packets, own, stretch.start, 0.0)])
     return ExpectedPulses(own, rows, _edges(rows[:, 0], rows[:, 1], len(stretch.pressure)))
 
 
+@compiled
 def _edges(at: Array, chance: Array, count: int) -> Array:
     """Return the expected number of edges at each of `count` places, from pulses with a place and a probability."""
-    edges, place = np.zeros(count), np.rint(at).astype(np.int64)
-    inside = (place >= 0) & (place < count)
-    np.add.at(edges, place[inside], chance[inside])
+    edges = np.zeros(count)
+    for k in range(len(at)):
+        place = round(at[k])
+        if 0 <= place < count:
+            edges[place] += chance[k]
     return edges
 
 
-def _whitened(response: Array, whitener: Array) -> Array:
-    return np.convolve(response, whitener)[: len(response) + _TAIL]
+def _whitened(responses: Array, whitener: Array) -> Array:
+    return whitened_responses(responses, whitener, responses.shape[1] + _TAIL)
 
 
 def _estimate(
@@ -343,10 +369,10 @@ def _estimate(
     The response is estimated from the pulses around the group. The pressure of the group itself is not used, because a
     response estimated from its own decisions confirms them.
     """
-    shapes = np.array([_whitened(one, state.whitener) for one in state.components])
+    shapes = _whitened(state.components, state.whitener)
     columns = pulse_columns(pulses.train, shapes)
     whole = normal_equations(columns, whitened, weight)
-    pairs, owns = [], stretch.own()
+    pairs, owns = [], stretch.own
     for own in owns:
         others = weight.copy()
         others[own] = 0.0
@@ -366,9 +392,9 @@ def _estimate(
         found.append(u)
         scales.append(scale)
         matrices.append(matrix)
-    mean = np.mean(found, axis=0)
-    state.response, state.scale = mean @ state.components, float(np.mean(scales))
-    state.posterior = mean, np.mean(matrices, axis=0)
+    mean: Array = np.add.reduce(found) / len(owns)
+    state.response, state.scale = mean @ state.components, sum(scales) / len(owns)
+    state.posterior = mean, np.add.reduce(matrices) / len(owns)
     return np.array(found) @ state.components
 
 
@@ -389,7 +415,7 @@ def _sync_size(
         return 1.0, math.inf
     here = slice(max(stretch.sync[0] - BEFORE, 0), stretch.sync[1])
     of_sync = stretch.pulses[(stretch.pulses[:, 0] >= here.start) & (stretch.pulses[:, 0] < here.stop)]
-    shapes = np.array([_whitened(one, state.whitener) for one in state.components])
+    shapes = _whitened(state.components, state.whitener)
     columns = pulse_columns(pulses.train, shapes)
     sync = pulse_columns(_edges(of_sync[:, 0], of_sync[:, 1], len(whitened)), shapes)
     others = weight.copy()
@@ -432,7 +458,8 @@ def _unsure(places: Array, response: Array, weight: Array) -> Array:
     """
     pairs = place_pairs(places, weight)
     lags, apart = np.arange(ORDER + 2), SAMPLES_PER_TU * np.arange(LAGS)[:, None]
-    common = np.correlate(np.pad(response, (0, int(lags[-1] + apart[-1, 0]))), response)
+    farthest = int(lags[-1] + apart[-1, 0])
+    common = correlated(np.concatenate([response, np.zeros(farthest)]), response, farthest + 1)
     return np.asarray(2.0 * pairs.sum() * common[lags] - pairs @ (common[lags + apart] + common[np.abs(lags - apart)]))
 
 
@@ -447,7 +474,7 @@ def _timing(
     (float, float, float)
         Drift, its variance and its centre, as in `DecodedStretch.timing`; (0, 1, 0) if the pulses are too few.
     """
-    g = _whitened(state.response, state.whitener)
+    g = _whitened(state.response[None], state.whitener)[0]
     slope = np.gradient(g)
     rest = filtered(stretch.pressure - pumps, state.whitener) - reconstruct(train, g)
     count = float(train.sum())

@@ -10,6 +10,7 @@ Five pulses of unequal size are not accepted as a sync, because each of the five
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -22,10 +23,12 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     basis,
     coefficients,
     normal_equations,
+    pulse_columns,
     reconstruct,
+    whitened_responses,
 )
 from mwd_surface.receiver.pump_lines import pump_noise
-from mwd_surface.receiver.whitening import filtered, median, steadiness, steady_filter
+from mwd_surface.receiver.whitening import correlated, filtered, median, steadiness, steady_filter
 
 ORDER = 24  # highest order of the noise model
 FLOOR = 1e-6  # white noise added to the noise model, as a share of its variance
@@ -169,7 +172,7 @@ def _found(
     whitened = filtered(pressure, whitener)
     weight = steadiness(whitened, known)
     components = basis(RESPONSE, tool.tu_s)
-    shapes = np.array([np.convolve(one, whitener)[: RESPONSE + _TAIL] for one in components])
+    shapes = whitened_responses(components, whitener, RESPONSE + _TAIL)
     edges = SAMPLES_PER_TU * np.array(tool.sync.edges_tu)
     length = int(edges[-1]) + RESPONSE + _TAIL
     first = max(begin, BEFORE)
@@ -177,19 +180,20 @@ def _found(
     if last <= first:
         return None
     count = last - first
-    score = _scores(whitened, weight, _columns(shapes, edges), first, count)
+    columns = _columns(shapes, edges)
+    score = _scores(whitened[first - BEFORE :], weight[first - BEFORE :], columns, count)
     best: list[SyncFound] = []
     for _ in range(2):
         at = int(np.argmax(score))
         if score[at] < least:
             break
         # The response is free, so its time shift is ambiguous: align its largest pressure with the middle of a pulse.
-        found = _fitted(whitened, weight, shapes, edges, first + at)
+        found = _fitted(whitened, weight, columns, first + at - BEFORE)
         early = int(np.argmax(np.abs(found[0] @ components))) - BEFORE - _MIDDLE
         moved = min(max(at + early, 0), count - 1)
         if moved != at:
-            found = _fitted(whitened, weight, shapes, edges, first + moved)
-        # The aligned start may be that of a sync that was found earlier, whose score is already removed.
+            found = _fitted(whitened, weight, columns, first + moved - BEFORE)
+        # The aligned start may be that of a sync found earlier, whose score is already removed.
         if score[moved] == -np.inf or not _alike(whitened, weight, found[0] @ shapes, edges, first + moved):
             break
         response = found[0] @ components
@@ -202,70 +206,87 @@ def _found(
 
 def _columns(shapes: Array, edges: Array) -> Array:
     """
-    Return the whitened pressure of a whole sync for each component, shape (c, samples).
+    Return the whitened pressure of a whole sync for each component, shape (samples, c).
 
     The first sample is `BEFORE` samples before the start of the sync.
     """
-    columns = np.zeros((len(shapes), int(edges[-1]) + shapes.shape[1]))
-    for edge in edges:
-        columns[:, edge : edge + shapes.shape[1]] += shapes
-    return columns
+    train = np.zeros(int(edges[-1]) + shapes.shape[1])
+    train[BEFORE + edges] = 1.0
+    return pulse_columns(train, shapes)
 
 
-def _scores(whitened: Array, weight: Array, columns: Array, first: int, count: int) -> Array:
-    """Return the log likelihood ratio of a sync at each of `count` samples from `first` on."""
-    length = columns.shape[1]
-    span = slice(first - BEFORE, first + count + length - 1 - BEFORE)
-    whitened, weight = whitened[span], weight[span]
-    gram = np.empty((count, len(columns), len(columns)))
-    folded = np.empty((count, len(columns)))
-    for a, one in enumerate(columns):
-        folded[:, a] = np.correlate(weight * whitened, one, mode="valid")
+@compiled
+def _scores(whitened: Array, weight: Array, columns: Array, count: int) -> Array:
+    """
+    Return the log likelihood ratio of a sync at each of the first `count` places, the largest of several prior sizes.
+
+    whitened, weight, shape (n,): pressure and the weights of its samples; columns, shape (k, c): pressure of a sync
+    from each place on for each component, as in `_columns`.
+    """
+    length, c = columns.shape
+    gram, folded, weighted = np.empty((c, c, count)), np.empty((c, count)), weight * whitened
+    # Most weights are 1, so subtract what the others lack.
+    lacking = np.flatnonzero(weight[: count + length - 1] < 1.0)
+    for a in range(c):
+        folded[a] = correlated(weighted, columns[:, a].copy(), count)
         for b in range(a + 1):
-            gram[:, a, b] = gram[:, b, a] = np.correlate(weight, one * columns[b], mode="valid")
+            product = columns[::-1, a] * columns[::-1, b]
+            gram[a, b] = product.sum()
+            for j in lacking:
+                first, end = max(j + 1 - length, 0), min(j + 1, count)
+                share, out, part = 1.0 - weight[j], gram[a, b, first:end], product[length - 1 - j + first :]
+                for i in range(end - first):
+                    out[i] -= share * part[i]
+    ones, size = np.ones(length), np.sum(columns**2)
+    total = np.maximum(correlated(weighted * whitened, ones, count), 1e-9)
     # A weight states the noise of a sample relative to the others, so each known sample counts as one.
-    total, samples = (np.convolve(x, np.ones(length), mode="valid") for x in (weight * whitened**2, weight > 0.0))
-    score = np.empty(count)
-    _ratios(gram, folded, np.maximum(total, 1e-9), samples, np.array(_ENERGIES) / np.sum(columns**2), score)
+    samples = correlated(np.where(weight > 0.0, 1.0, 0.0), ones, count)
+    score = np.full(count, -np.inf)
+    for energy in _ENERGIES:
+        _raise(score, gram, folded, size / energy, total, samples)
     return score
 
 
 @compiled
-def _ratios(gram: Array, folded: Array, total: Array, samples: Array, variances: Array, score: Array) -> None:
+def _raise(score: Array, gram: Array, folded: Array, precision: float, total: Array, samples: Array) -> None:
     """
-    Fill the largest log likelihood ratio over several prior variances of the components, noise being 1.
+    Raise the log likelihood ratio at each place to its value for one prior precision of the components, noise being 1.
 
-    gram, folded, shapes (n, c, c), (n, c): normal equations at each place; total, samples, shape (n,): total energy at
-    each place and the number of its samples; score, shape (n,): filled.
+    gram, folded, shapes (c, c, n), (c, n): normal equations at each place; total, samples, shape (n,): total energy at
+    each place and the number of its samples; score, shape (n,): changed.
     """
-    c = gram.shape[1]
-    root, along = np.zeros((c, c)), np.zeros(c)
-    for i in range(len(score)):
-        score[i] = -np.inf
-        for variance in variances:
-            # Cholesky factor of the normal equations with their prior, and the energy they explain.
-            share, size = 0.0, c * np.log(variance)
-            for a in range(c):
-                for b in range(a + 1):
-                    x = gram[i, a, b] + (1.0 / variance if a == b else 0.0)
-                    for k in range(b):
-                        x -= root[a, k] * root[b, k]
-                    root[a, b] = x / root[b, b] if a > b else np.sqrt(x)
-                along[a] = folded[i, a]
-                for k in range(a):
-                    along[a] -= root[a, k] * along[k]
-                along[a] /= root[a, a]
-                share += along[a] ** 2 / total[i]
-                size += 2.0 * np.log(root[a, a])
-            score[i] = max(score[i], -0.5 * size - 0.5 * samples[i] * np.log1p(-min(share, 0.999)))
+    c, n = folded.shape
+    root, along, pivot = np.empty((c, c, n)), folded.copy(), np.empty((c, n))
+    share, ratio = np.zeros(n), np.ones(n)
+    # Cholesky factor of the normal equations with their prior (L D L'), and the energy they explain; all places at
+    # once, so that the compiler works on several of them at a time.
+    for a in range(c):
+        for b in range(a):
+            root[a, b] = gram[a, b]
+            for k in range(b):
+                for i in range(n):
+                    root[a, b, i] -= root[a, k, i] * root[b, k, i] * pivot[k, i]
+            for i in range(n):
+                root[a, b, i] /= pivot[b, i]
+        for i in range(n):
+            pivot[a, i] = gram[a, a, i] + precision
+        for k in range(a):
+            for i in range(n):
+                pivot[a, i] -= root[a, k, i] * root[a, k, i] * pivot[k, i]
+                along[a, i] -= root[a, k, i] * along[k, i]
+        for i in range(n):
+            share[i] += along[a, i] * along[a, i] / (pivot[a, i] * total[i])
+            ratio[i] *= pivot[a, i] / precision
+    for i in range(n):
+        one = -0.5 * math.log(ratio[i]) - 0.5 * samples[i] * math.log1p(-min(share[i], 0.999))
+        score[i] = max(score[i], one)
 
 
-def _fitted(whitened: Array, weight: Array, shapes: Array, edges: Array, at: int) -> tuple[Array, float]:
-    """Return the response coefficients that fit a sync best, and their scale."""
-    begin, end = at - BEFORE, at + int(edges[-1]) + shapes.shape[1]
-    columns = np.ascontiguousarray(_columns(shapes, edges).T)
-    matrix, right = normal_equations(columns, whitened[begin:end], weight[begin:end])
-    scale = float(np.sqrt(len(shapes)) * np.linalg.norm(right) / np.trace(matrix))
+def _fitted(whitened: Array, weight: Array, columns: Array, begin: int) -> tuple[Array, float]:
+    """Return the response coefficients that fit a sync best, and their scale; columns: as in `_scores`."""
+    here = slice(begin, begin + len(columns))
+    matrix, right = normal_equations(columns, whitened[here], weight[here])
+    scale = float(np.sqrt(len(right)) * np.linalg.norm(right) / np.trace(matrix))
     u = right
     for _ in range(5):
         u, scale, _ = coefficients(matrix, right, scale)

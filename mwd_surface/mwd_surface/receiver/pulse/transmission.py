@@ -11,6 +11,7 @@ import copy
 import dataclasses
 import itertools
 import math
+import statistics
 from collections import deque
 from typing import Any, NamedTuple
 
@@ -321,12 +322,12 @@ class ReceivedTransmission:
         self._places = self._pulses()
         now.parts = []
         oldest = now.at - SAMPLES_PER_TU * _HISTORY_TU - len(self.channel.response)
-        self._places = [one for one in self._places if one.at >= oldest]
+        self._places = self._places[self._places[:, 0] >= oldest]
 
-    def _pulses(self) -> list[passes.PulsePlace]:
+    def _pulses(self) -> Array:
         """Return the possible places of all known pulses: of earlier words, and of the words of the present pass."""
         parts = self._pass.parts if self._pass is not None else []
-        return self._places + [one for part in parts for one in part.places()]
+        return np.concatenate([self._places, *(part.places() for part in parts)])
 
     @property
     def sound(self) -> bool:
@@ -366,7 +367,7 @@ class ReceivedTransmission:
             offered, self._offered = self._offered, False
             if not offered or self._goes_on(following):
                 return following
-            self._places += passes.sync_places(self._tool, following.start)
+            self._places = np.concatenate([self._places, passes.sync_places(self._tool, following.start)])
             self._boundary = following.start + SAMPLES_PER_TU * self._tool.sync.length_tu
         # Without a header a tool sends a sync only after flow-on, and then it sends a survey.
         start, number, kind = self._boundary, 0, "survey"
@@ -421,7 +422,7 @@ class ReceivedTransmission:
         decision = self._decode(rows, length, start)
         soft = soft_words(decision, rows, items, self._parity)[0]
         most = max(len(self._tool.surveys), len(self._tool.toolfaces))
-        self._places += parts_of(items, decision, [soft], start)[0].places()
+        self._places = np.concatenate([self._places, parts_of(items, decision, [soft], start)[0].places()])
         valid = [one for one in soft.candidates if one.code < most]
         return max(valid, key=lambda one: one.probability).code if valid else 0
 
@@ -452,7 +453,7 @@ class ReceivedTransmission:
         return segment.StretchOnToolClock(
             pressure,
             known,
-            np.array(pulses).reshape(-1, 3) - (begin, 0.0, begin),
+            pulses - (begin, 0.0, begin),
             rows,
             groups,
             start - begin,
@@ -573,7 +574,7 @@ class Presence:
     @property
     def usual(self) -> float:
         """Median evidence per packet so far."""
-        return float(np.median(self._usual)) if self._usual else 0.0
+        return statistics.median(self._usual) if self._usual else 0.0
 
     @property
     def hopeless(self) -> bool:

@@ -21,14 +21,21 @@ from mwd_sensors.core.compiled import compiled
 
 _VALUES = 8  # number of values of a packet of 3 bits
 START, BITS, ENDS, PARITY, COUNT = range(5)  # columns of a row of packets
-_NEVER = -1e30  # log probability of an impossible path
+NEVER = -1e30  #: log probability of an impossible path
 
 
 @compiled
-def _log_add(a: float, b: float) -> float:
-    if a < b:
-        a, b = b, a
-    return a if b <= _NEVER else a + math.log1p(math.exp(b - a))
+def log_sum(logs: Array) -> float:
+    """Return the logarithm of the sum of exponentials; `NEVER` if all are impossible."""
+    top = NEVER
+    for one in logs:
+        top = max(top, one)
+    if top <= NEVER:
+        return NEVER
+    total = 0.0
+    for one in logs:
+        total += math.exp(one - top)
+    return top + math.log(total)
 
 
 def uniform(packets: Indices) -> Array:
@@ -96,42 +103,54 @@ def forward_backward(packets: Indices, unary: Array, common: Array, level: Array
     ndarray, shape (n, 2 values)
         Log sums of the paths from each state.
     """
-    n, states = len(packets), 2 * unary.shape[1]
-    forward, backward = np.full((n, states), _NEVER), np.full((n, states), _NEVER)
-    for value in range(packets[0, 4]):
-        _reach(packets, parity, forward, 0, value, 0, unary[0, value])
-    for k in range(1, n):
-        fresh = packets[k - 1, 2] == 1
-        for value in range(packets[k, 4]):
-            for before in range(packets[k - 1, 4]):
-                metric = step_metric(packets, unary, common, level, k, before, value)
-                for odd in range(2):
-                    so_far = forward[k - 1, 2 * before + odd]
-                    if so_far > _NEVER:
-                        _reach(packets, parity, forward, k, value, 0 if fresh else odd, so_far + metric)
-    for state in range(states):
-        if forward[n - 1, state] > _NEVER:
-            backward[n - 1, state] = 0.0
-    for k in range(n - 2, -1, -1):
-        fresh = packets[k, 2] == 1
-        for before in range(packets[k, 4]):
-            for value in range(packets[k + 1, 4]):
-                metric = step_metric(packets, unary, common, level, k + 1, before, value)
-                for odd in range(2):
-                    after = 2 * value + ((0 if fresh else odd) ^ _odd(value))
-                    if min(backward[k + 1, after], forward[k, 2 * before + odd]) > _NEVER:
-                        backward[k, 2 * before + odd] = _log_add(
-                            backward[k, 2 * before + odd], backward[k + 1, after] + metric
-                        )
-    return forward, backward
+    forward = _forward(packets, unary, common, level, parity)
+    return forward, _backward(packets, unary, common, level, forward)
 
 
 @compiled
-def _reach(packets: Indices, parity: int, forward: Array, k: int, value: int, odd: int, metric: float) -> None:
-    new = odd ^ _odd(value)
-    if parity >= 0 and packets[k, 2] == 1 and packets[k, 3] == 1 and new != parity:
-        return
-    forward[k, 2 * value + new] = _log_add(forward[k, 2 * value + new], metric)
+def _forward(packets: Indices, unary: Array, common: Array, level: Array, parity: int) -> Array:
+    forward, logs = np.full((len(packets), 2 * unary.shape[1]), NEVER), np.empty((unary.shape[1], 2))
+    for value in range(packets[0, 4]):
+        if _holds(packets, parity, 0, _odd(value)):
+            forward[0, 2 * value + _odd(value)] = unary[0, value]
+    for k in range(1, len(packets)):
+        count = packets[k - 1, 4]
+        for value in range(packets[k, 4]):
+            for before in range(count):
+                metric = step_metric(packets, unary, common, level, k, before, value)
+                for odd in range(2):
+                    logs[before, odd] = forward[k - 1, 2 * before + odd] + metric
+                if packets[k - 1, 2] == 1:
+                    # A word begins with no ones, whatever the word before had.
+                    logs[before, 0], logs[before, 1] = log_sum(logs[before]), NEVER
+            for odd in range(2):
+                new = odd ^ _odd(value)
+                if _holds(packets, parity, k, new):
+                    forward[k, 2 * value + new] = log_sum(logs[:count, odd])
+    return forward
+
+
+@compiled
+def _backward(packets: Indices, unary: Array, common: Array, level: Array, forward: Array) -> Array:
+    backward, logs = np.where(forward > NEVER, 0.0, NEVER), np.empty((unary.shape[1], 2))
+    for k in range(len(packets) - 2, -1, -1):
+        count, fresh = packets[k + 1, 4], packets[k, 2] == 1
+        for before in range(packets[k, 4]):
+            for value in range(count):
+                metric = step_metric(packets, unary, common, level, k + 1, before, value)
+                for odd in range(2):
+                    after = 2 * value + ((0 if fresh else odd) ^ _odd(value))
+                    logs[value, odd] = backward[k + 1, after] + metric
+            for odd in range(2):
+                # A state that no path reaches stays impossible.
+                backward[k, 2 * before + odd] += log_sum(logs[:count, odd])
+    return backward
+
+
+@compiled
+def _holds(packets: Indices, parity: int, k: int, odd: int) -> bool:
+    """Return whether a word may have an odd (1) or even (0) number of ones up to packet k, by its parity."""
+    return parity < 0 or packets[k, 2] == 0 or packets[k, 3] == 0 or odd == parity
 
 
 @compiled
@@ -155,13 +174,11 @@ def marginals(packets: Indices, forward: Array, backward: Array) -> tuple[Array,
     """
     n, values = len(packets), forward.shape[1] // 2
     out, even = np.zeros((n, values)), np.empty(n)
-    evidence = _NEVER
-    for state in range(forward.shape[1]):
-        evidence = _log_add(evidence, forward[n - 1, state])
+    evidence = log_sum(forward[n - 1])
     for k in range(n):
         total = whole = 0.0
         for state in range(forward.shape[1]):
-            if forward[k, state] > _NEVER and backward[k, state] > _NEVER:
+            if forward[k, state] > NEVER and backward[k, state] > NEVER:
                 p = math.exp(min(forward[k, state] + backward[k, state] - evidence, 0.0))
                 out[k, state // 2] += p
                 whole += p
@@ -213,11 +230,11 @@ def best_words(
             else:
                 reach[at] = _entry(packets, unary, common, level, forward, k, value)
             after = backward[k, 2 * value + (int(rows[row, 1]) ^ _odd(value))]
-            total[at] = reach[at] + after if after > _NEVER else _NEVER
+            total[at] = reach[at] + after if after > NEVER else NEVER
         order = np.argsort(-total)
         kept = np.zeros((beam, 4))
         made = 0
-        while made < min(beam, len(order)) and total[order[made]] > _NEVER:
+        while made < min(beam, len(order)) and total[order[made]] > NEVER:
             at = order[made]
             row, value = at >> size, at & ((1 << size) - 1)
             kept[made, 0] = value
@@ -238,9 +255,8 @@ def _entry(packets: Indices, unary: Array, common: Array, level: Array, forward:
     """Return the log sum of all paths to a value of the first packet of a word."""
     if k == 0:
         return float(unary[k, value])
-    reach = _NEVER
-    for state in range(forward.shape[1]):
-        if forward[k - 1, state] > _NEVER:
-            metric = step_metric(packets, unary, common, level, k, state // 2, value)
-            reach = _log_add(reach, forward[k - 1, state] + metric)
-    return reach
+    logs = forward[k - 1].copy()
+    for state in range(len(logs)):
+        if logs[state] > NEVER:
+            logs[state] += step_metric(packets, unary, common, level, k, state // 2, value)
+    return log_sum(logs)
