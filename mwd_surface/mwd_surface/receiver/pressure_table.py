@@ -437,7 +437,8 @@ class _TableFile:
         ]
         own = [one for one, words in self._columns() if words.endswith((" time", " timestamp", " time stamp"))]
         alike = not clocks or len({_last(_words(one.name, "")[0]) for one in clocks}) == 1
-        clocks = clocks or own
+        # A column whose name has both quantities ("time_s-pressure_pa") is not read as both.
+        clocks = [one for one in clocks or own if one.number != value.number]
         if not clocks:
             raise ValueError(self.missing("time", "a column of time (or set --columns rate_hz=50)"))
         if alike:

@@ -429,6 +429,12 @@ def test_json_without_samples_is_refused_with_a_reason(tmp_path, text):
         pressure_files.read(tmp_path / "p.json")
 
 
+def test_one_column_is_not_both_time_and_pressure(tmp_path):
+    (tmp_path / "one.csv").write_text("time_s-pressure_pa,other\n" + "".join(f"{k},{2e7 + k}\n" for k in range(40)))
+    with pytest.raises(ValueError, match="time"):
+        pressure_files.read(tmp_path / "one.csv")
+
+
 @pytest.mark.parametrize("sample", [{"tag": "x" * 100_000, "value": 1}, {"tag": "c", "value": 1}])
 def test_a_message_quotes_no_more_than_the_beginning_of_long_names(tmp_path, sample):
     (tmp_path / "p.json").write_text(json.dumps({"time": ISO[0], "tag": "b", "value": 1}) + "\n" + json.dumps(sample))

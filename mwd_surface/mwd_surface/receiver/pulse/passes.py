@@ -182,8 +182,8 @@ def _mixed(codes: list[int], chances: Array, holds: Array | None, disturbed: flo
     Return the word with code probabilities averaged over two noises: steady noise and a disturbance.
 
     chances, shape (2, codes): probability of each code in steady noise and in a disturbance. holds, shape (2,): as in
-    `Soft`; None without a parity. disturbed: probability of a disturbance; a parity that
-    probably fails raises it. fits: as in `Soft`.
+    `Soft`; None without a parity. disturbed: probability of a disturbance; a parity that probably fails raises it.
+    fits: as in `Soft`.
     """
     shares = np.array([1.0 - disturbed, disturbed])
     # A parity that probably fails is evidence for a disturbance of this word.
