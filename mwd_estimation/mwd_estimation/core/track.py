@@ -60,6 +60,9 @@ class TrackMotion:
     #: decay with the time constant STILL_HOLD.
     peak_rate: float
     peak_force: float
+    #: `step`, `keep`: last step between samples, s, and the share of the peaks that is left after this step.
+    step: float
+    keep: float
 
 
 CLOCK, MOTION = dtype_of(TrackClock), dtype_of(TrackMotion)
@@ -193,9 +196,10 @@ def follow_motion(motion: TrackMotion, dt: float, w: Vector, non_gravity: float)
     """
     share = dt / (ROTARY_LAG + dt)
     motion.rotary_speed += share * (w[0] - motion.rotary_speed)
-    forget = math.exp(-dt / STILL_HOLD)
-    motion.peak_rate = max(motion.peak_rate * forget, math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]))
-    motion.peak_force = max(motion.peak_force * forget, non_gravity)
+    if dt != motion.step or motion.keep == 0.0:
+        motion.step, motion.keep = dt, math.exp(-dt / STILL_HOLD)
+    motion.peak_rate = max(motion.peak_rate * motion.keep, math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]))
+    motion.peak_force = max(motion.peak_force * motion.keep, non_gravity)
     if abs(motion.rotary_speed) > ROTATING_ABOVE:
         return _ROTATING
     if motion.peak_rate < STILL_RATE and motion.peak_force < STILL_NON_GRAVITY:

@@ -18,7 +18,7 @@ from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded import information
 from mwd_estimation.gravity.bounded.filter import BoundedParams
-from mwd_estimation.gravity.bounded.state import STEADY, TILT, UPDATE
+from mwd_estimation.gravity.bounded.state import INFORMATION, STEADY, TILT, UPDATE
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
@@ -125,22 +125,21 @@ def _back(part: Track, updates: Any, north_t: Array) -> None:
         return
     count = len(updates)
     tilts, before, covariances = np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2, 2))
-    _smooth_tilts(updates, tilts, before, covariances)
+    _smooth_tilts(updates, np.zeros(1, INFORMATION), tilts, before, covariances)
     _apply(part, updates, north_t, (tilts, before, covariances))
 
 
 @compiled
-def _smooth_tilts(updates: Any, tilts: Array, before: Array, covariances: Array) -> None:
+def _smooth_tilts(updates: Any, later: Any, tilts: Array, before: Array, covariances: Array) -> None:
     """
     Fill the smoothed tilt after and before each update, rad, (m, 2), and the covariance after it, rad^2, (m, 2, 2).
 
-    The updates are processed backwards. A is the information matrix that later measurements add, with their information
-    vector in its last column. With the filter's covariance P after update k, the smoothed errors are P A[:, -1] and
-    their covariance is P - P A[:, :-1] P. No inverse is needed: Bierman, Fixed interval smoothing with discrete
-    measurements, Int. J. Control 18 (1973).
+    later: one zero record of `LaterInformation`. The updates are processed backwards. A is the information matrix that
+    later measurements add, with their information vector in its last column. With the filter's covariance P after
+    update k, the smoothed errors are P A[:, -1] and their covariance is P - P A[:, :-1] P. No inverse is needed:
+    Bierman, Fixed interval smoothing with discrete measurements, Int. J. Control 18 (1973).
     """
-    A, B = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1))
-    row = np.zeros((2, STEADY + 1))
+    A, row = later[0].matrix, np.zeros((2, STEADY + 1))
     for k in range(len(updates) - 1, -1, -1):
         now = updates[k]
         if k + 1 < len(updates):
@@ -148,7 +147,7 @@ def _smooth_tilts(updates: Any, tilts: Array, before: Array, covariances: Array)
             if now.epoch != ahead.epoch or now.epoch < 0:
                 A[:] = 0.0
             else:
-                information.carry_over(ahead, ahead.spread, A, B, row[0])
+                information.carry_over(ahead, ahead.spread, later[0])
         P = now.tilt
         for a in range(2):
             for j in range(STEADY + 1):

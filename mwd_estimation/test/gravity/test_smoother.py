@@ -7,7 +7,7 @@ from gravity_runs import PARAMS, drilled, error_deg, followed, rms
 
 from mwd_estimation.gravity import smoother
 from mwd_estimation.gravity.bounded import information, mechanisation
-from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, UpdateSums
+from mwd_estimation.gravity.bounded.state import STEADY, UpdateSums, initial
 from mwd_sensors.core.records import dtype_of
 
 
@@ -26,12 +26,12 @@ def test_what_is_carried_back_is_the_transpose_of_what_the_filter_carries_forwar
     sums = sums_of(rng)
     for _ in range(5):
         error, known = rng.standard_normal(STEADY), rng.standard_normal((STEADY, 1))
-        P = np.zeros((ERRORS, ERRORS))
-        P[:STEADY, :STEADY] = np.outer(error, error)
+        s = initial(PARAMS).record[0]
+        s.P[:STEADY, :STEADY], s.sums = np.outer(error, error), sums
         back = known.copy()
-        mechanisation.propagate(P, sums, STEADY)
+        mechanisation.propagate(s, STEADY)
         information.carry_back(sums, back)
-        forward = (known.T @ P[:STEADY, :STEADY] @ known).item()
+        forward = (known.T @ s.P[:STEADY, :STEADY] @ known).item()
         assert forward == pytest.approx((back.T @ error).item() ** 2, rel=1e-12)
 
 

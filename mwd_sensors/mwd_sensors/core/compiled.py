@@ -40,6 +40,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
     """
 
     folder: Path | None = None
+    specialised = False  # whether the kernel is compiled for each call, see the function `specialised`
 
     def enable_caching(self) -> None:
         """Cache the machine code in the cache folder of the kernel's module, if that folder can be written."""
@@ -73,7 +74,10 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         Return numba's template of a call from another kernel, for the types of the arguments, not their literal values.
 
         numba would compile one more version for each literal argument (0, 1), a fifth of the total compilation time.
+        Only `specialised` kernels need these versions.
         """
+        if self.specialised:
+            return super().get_call_template(args, kws)
         return super().get_call_template(
             tuple(map(types.unliteral, args)), {name: types.unliteral(kind) for name, kind in kws.items()}
         )
@@ -140,12 +144,30 @@ def compiled(function: F) -> F:
     of samples gives the same bits as the same samples one by one. The kernel releases the interpreter lock; other
     threads must not change the arrays of a call until it returns.
     """
+    kernel: F = _kernel(function, False)
+    return kernel
+
+
+def specialised(function: F) -> F:
+    """
+    Compile a kernel like `compiled`, but separately for each kernel that calls it, and for each constant in the call.
+
+    For loops over matrices of a record: LLVM makes vector instructions of them only if it knows the shape of the array
+    and the number of passes. The first is known where `record.matrix` is written, the second if it is a constant.
+    """
+    kernel: F = _kernel(function, True)
+    return kernel
+
+
+def _kernel(function: Any, specialised: bool) -> Any:
     # numba names its cache folder after the path of the source file. With the real path, an installation by symbolic
     # links shares the cached machine code of the original files.
     code = function.__code__
     function.__code__ = code.replace(co_filename=os.path.realpath(code.co_filename))
     kind = Kernel if numba.version_info.short >= (0, 61) else OldKernel
-    kernel = kind(function, targetoptions={"nopython": True, "nogil": True, "fastmath": False})
+    options = {"nopython": True, "nogil": True, "fastmath": False, "forceinline": specialised}
+    kernel = kind(function, targetoptions=options)
+    kernel.specialised = specialised
     kernel.enable_caching()
     return kernel
 

@@ -11,7 +11,7 @@ have a small mean influence.
 from __future__ import annotations
 
 from mwd_estimation.gravity.bounded.params import BoundedParams
-from mwd_estimation.gravity.bounded.state import ACCEL, DOWN, BoundedRecord
+from mwd_estimation.gravity.bounded.state import DOWN, BoundedRecord
 from mwd_sensors.core.compiled import compiled
 
 # Time in which the tilt reaches 63 % of its response to a constant horizontal force, at rest and while rotating, s;
@@ -47,18 +47,22 @@ def follow(p: BoundedParams, s: BoundedRecord) -> None:
 @compiled
 def variances(p: BoundedParams, s: BoundedRecord, dx: float, dy: float) -> tuple[float, float]:
     """Return the variances of the tilt from the errors, along the level unit vector (dx, dy) and across it, rad^2."""
+    bias2, scale2, misalignment2 = p.accel_bias_sigma**2, p.accel_scale_sigma**2, p.accel_misalignment_sigma**2
     along, across, vertical = 0.0, 0.0, LEAST_PRIOR
-    for j in range(ACCEL):
-        axis, column = j // 4, j % 4
-        if column == 0:
-            prior, force = p.accel_bias_sigma**2, 1.0
-        else:
-            prior = p.accel_scale_sigma**2 if column == axis + 1 else p.accel_misalignment_sigma**2
-            force = p.gravity * s.C[2, column - 1]
-        nx, ny = s.accelerometer.influence[0, j], s.accelerometer.influence[1, j]
-        along += prior * (dx * nx + dy * ny) ** 2
-        across += prior * (dx * ny - dy * nx) ** 2
-        vertical += prior * (s.C[2, axis] * force) ** 2
+    for axis in range(3):
+        along_axis, across_axis, vertical_axis = 0.0, 0.0, 0.0
+        for column in range(4):
+            prior, force = bias2, 1.0
+            if column > 0:
+                prior = scale2 if column == axis + 1 else misalignment2
+                force = p.gravity * s.C[2, column - 1]
+            nx, ny = s.accelerometer.influence[0, 4 * axis + column], s.accelerometer.influence[1, 4 * axis + column]
+            along_axis += prior * (dx * nx + dy * ny) ** 2
+            across_axis += prior * (dx * ny - dy * nx) ** 2
+            vertical_axis += prior * force * force
+        along += along_axis
+        across += across_axis
+        vertical += s.C[2, axis] ** 2 * vertical_axis
     # If the measured gravity differs from local gravity by more than the sigmas allow, scale the errors of all axes up.
     shown = s.down**2 - s.P[DOWN, DOWN] - p.gravity_sigma**2
     unit = max(1.0, shown / vertical) / p.gravity**2

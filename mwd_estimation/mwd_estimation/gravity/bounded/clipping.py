@@ -72,7 +72,7 @@ def follow_shocks(p: BoundedParams, s: BoundedRecord, dt: float, f: Vector, powe
                     am = C[m, 0] * f[0] + C[m, 1] * f[1] + C[m, 2] * f[2]
                     if m == 2:
                         am += p.gravity
-                    s.P[VEL + j, VEL + m] += lost * aj * am
+                    s.P[VEL + j, VEL + m] += lost * (aj * am)
     else:
         s.shock_time = 0.0
     # Limit the contribution of a single shock to the usual acceleration; strong vibration contributes fully.

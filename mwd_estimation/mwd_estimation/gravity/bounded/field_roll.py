@@ -146,7 +146,7 @@ def _correct_roll(s: BoundedRecord, off: float, variance: float, clipped: float)
     off: roll error, rad; variance: variance of the roll by the field, rad^2; clipped: time since the magnetic sample
     during which the x gyro clipped, s.
     """
-    P, C, e, PH = s.P, s.C, s.correction, s.work
+    P, C, e, PH = s.P, s.C, s.correction, s.work[0]
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     nx, ny = C[0, 0] / across2, C[1, 0] / across2
     size = STEADY if s.clipping.sign == 0.0 else ERRORS
@@ -163,13 +163,13 @@ def _correct_roll(s: BoundedRecord, off: float, variance: float, clipped: float)
         for a in range(2):
             PH[TILT + a] += off * off * C[a, 0]
             for b in range(2):
-                P[TILT + a, TILT + b] += off * off * C[a, 0] * C[b, 0]
+                P[TILT + a, TILT + b] += off * off * (C[a, 0] * C[b, 0])
         S += off * off
     for j in range(size):
         e[j] = PH[j] / S * off
         for m in range(size):
             P[j, m] -= PH[j] * PH[m] / S
-    measurement.symmetrise(P, size)
+    mechanisation.symmetrise(P, size)
     roll = nx * e[TILT] + ny * e[TILT + 1]
     e[TILT] -= roll * C[0, 0]
     e[TILT + 1] -= roll * C[1, 0]
@@ -185,4 +185,4 @@ def _correct_roll(s: BoundedRecord, off: float, variance: float, clipped: float)
     if missing > 0.0:
         for a in range(2):
             for b in range(2):
-                P[TILT + a, TILT + b] += missing * C[a, 0] * C[b, 0]
+                P[TILT + a, TILT + b] += missing * (C[a, 0] * C[b, 0])

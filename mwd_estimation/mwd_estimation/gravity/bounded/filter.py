@@ -43,7 +43,6 @@ from mwd_estimation.gravity.bounded.state import (
     BoundedState,
     Field,
     Log,
-    Update,
     forget,
     initial,
 )
@@ -272,38 +271,33 @@ def _update(p: BoundedParams, s: BoundedRecord, w: Array, i: int, log: Log) -> N
     mechanisation.move(s)
     sample_meaning.propagate(s, w[0])
     noise.follow_motion(s, w)
-    mechanisation.propagate(s.P, s.sums, size)
+    mechanisation.propagate(s, size)
     turn = noise.add_noise(p, s)
-    entry = s.recent.rows[ring.next_place(s.recent)]
-    _note_before(s, i, entry)
+    _note_before(s, i)
     gate = clipping.jump_gate(s)
     tilt, aside = scale.tilts(s)
+    measurement.update(s, size, p.displacement**2, gate)
     square = 0.0
-    for j in range(size):
-        s.correction[j] = 0.0
     for axis in range(3):
-        white = measurement.update(s, size, axis, p.displacement**2, gate)
-        square += white * white / 3.0
-        jumps.follow_innovation(s, axis, white)
-        entry.innovation[axis], entry.spread[axis] = s.innovation, s.spread
-        measurement.log_measured(s, axis, entry.measured[axis], entry.gain[axis])
-        sample_meaning.compare(s, axis, entry)
-    measurement.symmetrise(s.P, size)
+        square += s.white[axis] ** 2 / 3.0
+        jumps.follow_innovation(s, axis, s.white[axis])
+    sample_meaning.compare(s)
     usual = s.innovations.usual
     s.innovations.usual += s.sums.time / scale.USUAL_TIME * (min(square, 9.0 * usual + 0.001) - usual)
     scale.follow_corrections(s, turn, tilt, aside)
     measurement.correct(s, size)
     accelerometer_errors.follow(p, s)
+    s.recent.rows[ring.next_place(s.recent)] = s.latest
     for j in range(2):
-        entry.correction[j] = s.correction[TILT + j]
+        s.latest.correction[j] = s.correction[TILT + j]
     if size == STEADY and jumps.follow(p, s):
         for j in range(2):
-            entry.correction[j] += s.correction[TILT + j]
+            s.latest.correction[j] += s.correction[TILT + j]
     if size == STEADY:
         sample_meaning.follow(s)
     if len(log.updates) > 0:
-        _note_after(p, s, entry)
-        log.updates[log.entries[0]] = entry
+        _note_after(p, s)
+        log.updates[log.entries[0]] = s.latest
         log.entries[0] += 1
     mechanisation.clear_sums(s.sums)
     if not measurement.sound(s):
@@ -316,7 +310,8 @@ def _update(p: BoundedParams, s: BoundedRecord, w: Array, i: int, log: Log) -> N
 
 
 @compiled
-def _note_before(s: BoundedRecord, i: int, entry: Update) -> None:
+def _note_before(s: BoundedRecord, i: int) -> None:
+    entry = s.latest
     entry.sample = i
     entry.epoch = s.epoch if s.clipping.sign == 0.0 else -1
     entry.sums.time = s.sums.time
@@ -329,7 +324,8 @@ def _note_before(s: BoundedRecord, i: int, entry: Update) -> None:
 
 
 @compiled
-def _note_after(p: BoundedParams, s: BoundedRecord, entry: Update) -> None:
+def _note_after(p: BoundedParams, s: BoundedRecord) -> None:
+    entry = s.latest
     for j in range(2):
         for m in range(STEADY):
             entry.tilt[j, m] = s.P[TILT + j, m]

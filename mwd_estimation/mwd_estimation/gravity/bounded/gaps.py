@@ -36,7 +36,7 @@ def widen_roll(s: BoundedRecord, variance: float) -> None:
     s.clipping.seen |= variance > clipping.SMALL_ROLL
     for j in range(2):
         for m in range(2):
-            s.P[TILT + j, TILT + m] += variance * s.C[j, 0] * s.C[m, 0]
+            s.P[TILT + j, TILT + m] += variance * (s.C[j, 0] * s.C[m, 0])
 
 
 @compiled
@@ -51,7 +51,7 @@ def bridge(p: BoundedParams, s: BoundedRecord, T: float, w: Array) -> bool:
     # Propagate by the mean rate, without a force.
     mechanisation.mechanise(p, s, T, mean, mean * 0.0)
     s.sums.force[0] = s.sums.force[1] = s.sums.force[2] = 0.0
-    mechanisation.propagate(P, s.sums, STEADY)
+    mechanisation.propagate(s, STEADY)
     mechanisation.clear_sums(s.sums)
     cube, square = MORE * T * T * T / 12.0, T * T / 12.0
     # If the rates before and after the gap differ, the time of the change is unknown: add variance.

@@ -10,24 +10,35 @@ from __future__ import annotations
 
 from typing import Any
 
-from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, POS, SCALE, STEADY, TILT, VEL, UpdateSums
+from mwd_estimation.gravity.bounded.state import (
+    ASKEW,
+    BIAS,
+    DOWN,
+    POS,
+    SCALE,
+    STEADY,
+    TILT,
+    VEL,
+    LaterInformation,
+    UpdateSums,
+)
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.compiled import compiled, specialised
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 
 @compiled
-def carry_over(update: Any, spread: Array, A: Array, B: Array, w: Array) -> None:
+def carry_over(update: Any, spread: Array, known: LaterInformation) -> None:
     """
-    Transform A from the time after an update to the time before the interval of this update.
+    Transform the information from the time after an update to the time before the interval of this update.
 
-    update: record of `Update`; spread, shape (3,): variances of the three innovations, m^2; A, shape (STEADY, STEADY +
-    1): information matrix of the later measurements, with their information vector in the last column. B, of the same
-    shape, and w, shape (STEADY + 1,), are scratch space.
+    update: record of `Update`; spread, shape (3,): variances of the three innovations, m^2; known: information of the
+    later measurements.
     """
+    A, B = known.matrix, known.transposed
     for axis in range(2, -1, -1):
         measured, gain = update.measured[axis], update.gain[axis]
-        add_measurement(A, measured, gain, update.innovation[axis], spread[axis], w)
+        add_measurement(A, measured, gain, update.innovation[axis], spread[axis], known.row)
     carry_back(update.sums, A)
     for i in range(STEADY):
         for j in range(STEADY):
@@ -43,7 +54,7 @@ def add_measurement(A: Array, h: Array, gain: Array, innovation: float, spread: 
     """
     Transform information from after to before one scalar measurement, and add the information of the measurement.
 
-    A: as in `carry_over`, with the information vector L in the last column; h, gain, shape (STEADY,): row of H and
+    A: information matrix, with the information vector L in the last column; h, gain, shape (STEADY,): row of H and
     Kalman gain of the measurement; innovation, m, and spread, m^2: its innovation and the variance of the innovation;
     w, shape (STEADY + 1,): scratch space. With C = I - gain h, A becomes C^T A C + h h^T / spread, and L becomes
     C^T L + h innovation / spread.
@@ -62,13 +73,14 @@ def add_measurement(A: Array, h: Array, gain: Array, innovation: float, spread: 
         w[j] -= half * h[j]
     w[STEADY] -= innovation / spread
     for i in range(STEADY):
-        along, across = h[i], w[i]
-        for j in range(STEADY):
-            A[i, j] -= along * w[j] + across * h[j]
-        A[i, STEADY] -= along * w[STEADY]
+        if h[i] != 0.0:
+            for j in range(STEADY + 1):
+                A[i, j] -= h[i] * w[j]
+            for j in range(STEADY):
+                A[j, i] -= w[j] * h[i]
 
 
-@compiled
+@specialised
 def carry_back(sums: UpdateSums, A: Array) -> None:
     """Replace A, shape (STEADY, n), by F^T A, with the transition matrix F of `mechanisation.propagate`."""
     T = sums.time

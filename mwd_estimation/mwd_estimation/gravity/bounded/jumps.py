@@ -33,6 +33,7 @@ from mwd_estimation.gravity.bounded.state import (
     TILT,
     VEL,
     BoundedRecord,
+    JumpSize,
     forget_density,
     forget_innovations,
 )
@@ -126,8 +127,11 @@ def _search(p: BoundedParams, s: BoundedRecord) -> tuple[Array, NDArray[np.int64
     The first array holds the logarithm of the odds of the jump against no jump, at least 0; the second one holds the
     number of updates since the jump, 0 if no jump has odds above 1.
     """
-    A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
+    s.later.matrix[:] = 0.0
     odds, at, squares = np.zeros(KINDS), np.zeros(KINDS, dtype=np.int64), 0.0
+    step, travel, knock, ramp = _moves(p, s, STEP), _moves(p, s, TRAVEL), _moves(p, s, KNOCK), _moves(p, s, RAMP)
+    moves = (step, travel, knock, ramp)
+    rows = (_moved(step), _moved(travel), _moved(knock), _moved(ramp))
     for back in range(1, s.recent.length + 1):
         row = s.recent.rows[ring.place(s.recent, back)]
         if row.epoch != s.epoch:
@@ -135,16 +139,17 @@ def _search(p: BoundedParams, s: BoundedRecord) -> tuple[Array, NDArray[np.int64
         for axis in range(3):
             row.evidence[axis] = row.spread[axis] * max(s.innovations.density[axis], LEAST_DENSITY)
             squares += row.innovation[axis] ** 2 / row.evidence[axis]
-        information.carry_over(row, row.evidence, A, B, w)
+        information.carry_over(row, row.evidence, s.later)
         if back < LEAST_AFTER:
             continue
+        rare = math.log(EVERY / row.sums.time)
         for kind in range(KINDS):
-            _, _, gain, occam = _explain(A, _moves(p, s, kind))
+            gain, occam = _explain(s.later.matrix, moves[kind], rows[kind], s.jump)
             # Large squares that the jump leaves unexplained show that all innovations are larger than usual.
             unexplained = max((squares - gain) / (3.0 * back), 1.0)
-            found = 0.5 * (gain / unexplained - occam) - math.log(EVERY / row.sums.time)
-            if found > odds[kind]:
-                odds[kind], at[kind] = found, back
+            logarithm = 0.5 * (gain / unexplained - occam) - rare
+            if logarithm > odds[kind]:
+                odds[kind], at[kind] = logarithm, back
     return odds, at
 
 
@@ -177,7 +182,8 @@ def _chance(odds: Array, kind: int) -> float:
 @compiled
 def _doubt(p: BoundedParams, s: BoundedRecord, kind: int, at: int, chance: float) -> None:
     """Add the variance of the tilt due to a jump `at` updates ago with the probability `chance`, equation (22)."""
-    moves, jump, covariance, _ = _effect(p, s, kind, at)
+    moves, _ = _effect(p, s, kind, at)
+    jump, covariance = s.jump.estimate, s.jump.covariance
     for i in range(2):
         for j in range(2):
             for a in range(3):
@@ -211,57 +217,76 @@ def _moves(p: BoundedParams, s: BoundedRecord, kind: int) -> Array:
 
 
 @compiled
-def _explain(A: Array, moves: Array) -> tuple[Array, Array, float, float]:
+def _moved(moves: Array) -> NDArray[np.int64]:
+    """Return the indices of the errors that a jump changes; moves: result of `_moves`."""
+    rows, count = np.zeros(STEADY, dtype=np.int64), 0
+    for i in range(STEADY):
+        if moves[i, 0] != 0.0 or moves[i, 1] != 0.0 or moves[i, 2] != 0.0:
+            rows[count] = i
+            count += 1
+    return rows[:count]
+
+
+@compiled
+def _explain(A: Array, moves: Array, rows: NDArray[np.int64], found: JumpSize) -> tuple[float, float]:
     """
     Estimate the size of a jump, in prior sigmas, from the information A about the errors at the time of the jump.
 
-    moves: result of `_moves`. Returns the size, shape (3,); its covariance; the part of the sum of squared innovations
-    that the jump explains; and the log determinant of the information about the size (prior: 0).
+    moves, rows: results of `_moves` and `_moved`. Fills `found`. Returns the part of the sum of squared innovations
+    that the jump explains, and the log determinant of the information about the size (prior: 0).
     """
-    known, vector = np.zeros((3, 3)), np.zeros(3)
+    known, vector, size, covariance = found.known, found.vector, found.estimate, found.covariance
     for a in range(3):
-        for i in range(STEADY):
-            if moves[i, a] != 0.0:
-                vector[a] += moves[i, a] * A[i, STEADY]
-                for b in range(3):
-                    for j in range(STEADY):
-                        known[a, b] += moves[i, a] * A[i, j] * moves[j, b]
-        known[a, a] += 1.0
-    spread, determinant = _inverse(known)
-    size, gain = np.zeros(3), 0.0
+        vector[a] = size[a] = 0.0
+        for b in range(3):
+            known[a, b] = 1.0 if a == b else 0.0
+    for i in rows:
+        x, y, z = 0.0, 0.0, 0.0
+        for j in rows:
+            x += A[i, j] * moves[j, 0]
+            y += A[i, j] * moves[j, 1]
+            z += A[i, j] * moves[j, 2]
+        for a in range(3):
+            vector[a] += moves[i, a] * A[i, STEADY]
+            known[a, 0] += moves[i, a] * x
+            known[a, 1] += moves[i, a] * y
+            known[a, 2] += moves[i, a] * z
+    determinant, gain = _invert(known, covariance), 0.0
     for a in range(3):
         for b in range(3):
-            size[a] += spread[a, b] * vector[b]
+            size[a] += covariance[a, b] * vector[b]
         gain += size[a] * vector[a]
-    return size, spread, gain, math.log(max(determinant, 1.0))
+    return gain, math.log(max(determinant, 1.0))
 
 
 @compiled
-def _inverse(M: Array) -> tuple[Array, float]:
-    """Return inverse and determinant of a positive definite matrix, shape (3, 3)."""
-    found = np.empty((3, 3))
+def _invert(M: Array, inverse: Array) -> float:
+    """Set `inverse` to the inverse of a positive definite matrix M, shape (3, 3); return the determinant of M."""
     for i in range(3):
         for j in range(3):
             a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
-            found[j, i] = M[a, c] * M[b, d] - M[a, d] * M[b, c]
-    determinant = M[0, 0] * found[0, 0] + M[0, 1] * found[1, 0] + M[0, 2] * found[2, 0]
-    return found / determinant, determinant
+            inverse[j, i] = M[a, c] * M[b, d] - M[a, d] * M[b, c]
+    determinant: float = M[0, 0] * inverse[0, 0] + M[0, 1] * inverse[1, 0] + M[0, 2] * inverse[2, 0]
+    unit = 1.0 / determinant
+    for i in range(3):
+        for j in range(3):
+            inverse[i, j] *= unit
+    return determinant
 
 
 @compiled
-def _effect(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> tuple[Array, Array, Array, float]:
+def _effect(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> tuple[Array, float]:
     """
-    Return the present effect of a jump `at` updates ago, estimated with the variances that the filter assumes.
+    Estimate the size of a jump `at` updates ago (`jump`), with the variances that the filter assumes.
 
-    Returns the present change of each error by a jump of 1 sigma, shape (STEADY, 3); the size of the jump in prior
-    sigmas, shape (3,); the covariance of this size; and the time since the jump, s.
+    Returns the present change of each error by a jump of 1 sigma, shape (STEADY, 3), and the time since the jump, s.
     """
-    A, B, w = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1)), np.zeros(STEADY + 1)
+    s.later.matrix[:] = 0.0
     for back in range(1, at + 1):
         row = s.recent.rows[ring.place(s.recent, back)]
-        information.carry_over(row, row.spread, A, B, w)
+        information.carry_over(row, row.spread, s.later)
     moves, since = _moves(p, s, kind), 0.0
-    jump, covariance, _, _ = _explain(A, moves)
+    _explain(s.later.matrix, moves, _moved(moves), s.jump)
     for back in range(at, 0, -1):
         row = s.recent.rows[ring.place(s.recent, back)]
         since += row.sums.time
@@ -273,13 +298,14 @@ def _effect(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> tuple[Arr
                     seen += row.measured[axis, i] * moves[i, a]
                 for i in range(STEADY):
                     moves[i, a] -= row.gain[axis, i] * seen
-    return moves, jump, covariance, since
+    return moves, since
 
 
 @compiled
 def _apply(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> None:
     """Correct the state for a jump of a kind `at` updates ago."""
-    moves, jump, covariance, since = _effect(p, s, kind, at)
+    moves, since = _effect(p, s, kind, at)
+    jump, covariance = s.jump.estimate, s.jump.covariance
     for i in range(ERRORS):
         s.correction[i] = 0.0
     for i in range(STEADY):
@@ -288,7 +314,7 @@ def _apply(p: BoundedParams, s: BoundedRecord, kind: int, at: int) -> None:
             for j in range(STEADY):
                 for b in range(3):
                     s.P[i, j] += moves[i, a] * covariance[a, b] * moves[j, b]
-    measurement.symmetrise(s.P, STEADY)
+    mechanisation.symmetrise(s.P, STEADY)
     measurement.correct(s, STEADY)
     if kind == STEP:
         for i in range(3):

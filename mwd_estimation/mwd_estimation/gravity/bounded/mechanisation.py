@@ -22,13 +22,14 @@ from mwd_estimation.gravity.bounded.state import (
     POS,
     SCALE,
     SLOPE,
+    STEADY,
     TILT,
     VEL,
     BoundedRecord,
     UpdateSums,
 )
 from mwd_sensors.core.arrays import Array, Vector
-from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.compiled import compiled, specialised
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 
@@ -45,22 +46,25 @@ def set_matrix(s: BoundedRecord) -> None:
 def rotate(s: BoundedRecord, px: float, py: float, pz: float) -> None:
     """Rotate the attitude by a rotation vector in tool axes, rad: q <- q * exp(p)."""
     angle2 = px * px + py * py + pz * pz
-    if angle2 < 1e-2:
-        c = 1.0 - angle2 / 8.0 * (1.0 - angle2 / 48.0 * (1.0 - angle2 / 120.0))
-        h = 0.5 - angle2 / 48.0 * (1.0 - angle2 / 80.0 * (1.0 - angle2 / 168.0))
+    if angle2 < 1.0:
+        # Power series of the cosine of half the angle, and of its sine over the angle. They are exact to rounding, and
+        # faster than the functions.
+        x = 0.25 * angle2
+        c = 1 / 40320 - x * (1 / 3628800 - x * (1 / 479001600 - x * (1 / 87178291200)))
+        c = 1.0 - x * (1 / 2 - x * (1 / 24 - x * (1 / 720 - x * c)))
+        h = 1 / 362880 - x * (1 / 39916800 - x * (1 / 6227020800 - x * (1 / 1307674368000)))
+        h = 0.5 - 0.5 * x * (1 / 6 - x * (1 / 120 - x * (1 / 5040 - x * h)))
     else:
         angle = math.sqrt(angle2)
         c = math.cos(0.5 * angle)
         h = math.sin(0.5 * angle) / angle
     px, py, pz = h * px, h * py, h * pz
     qx, qy, qz, qw = s.q[0], s.q[1], s.q[2], s.q[3]
-    ax = qw * px + qx * c + qy * pz - qz * py
-    ay = qw * py - qx * pz + qy * c + qz * px
-    az = qw * pz + qx * py - qy * px + qz * c
-    aw = qw * c - qx * px - qy * py - qz * pz
-    # One Newton step restores the unit norm, which is off by rounding only.
-    unit = 1.5 - 0.5 * (ax * ax + ay * ay + az * az + aw * aw)
-    s.q[0], s.q[1], s.q[2], s.q[3] = unit * ax, unit * ay, unit * az, unit * aw
+    # Each correction (`measurement.correct`) restores the unit norm, which rounding changes.
+    s.q[0] = qw * px + qx * c + qy * pz - qz * py
+    s.q[1] = qw * py - qx * pz + qy * c + qz * px
+    s.q[2] = qw * pz + qx * py - qy * px + qz * c
+    s.q[3] = qw * c - qx * px - qy * py - qz * pz
     set_matrix(s)
 
 
@@ -106,12 +110,13 @@ def mechanise(p: BoundedParams, s: BoundedRecord, dt: float, w: Vector, f: Vecto
     sums.velocity[0] += ax * dt
     sums.velocity[1] += ay * dt
     sums.velocity[2] += az * dt
+    turn = scaled * dt
     for a in range(2):
         for j in range(3):
             sums.bias[a, j] += C[a, j] * dt
-        sums.scale[a] += C[a, 0] * scaled * dt
+        sums.scale[a] += C[a, 0] * turn
         for j in range(2):
-            sums.askew[a, j] += C[a, 1 + j] * scaled * dt
+            sums.askew[a, j] += C[a, 1 + j] * turn
     power: float = ax * ax + ay * ay + az * az
     return power
 
@@ -169,19 +174,46 @@ def _turn_columns(P: Array, T: float, upright: float, circle: tuple[float, float
 
 
 @compiled
-def propagate(P: Array, sums: UpdateSums, size: int) -> None:
+def propagate(s: BoundedRecord, size: int) -> None:
     """
     Propagate the first `size` errors, P <- F P F', over the interval of the sums (equation (3)); the caller adds noise.
+
+    P is exactly symmetric afterwards, so that rounding errors do not grow. size: STEADY, or ERRORS while the x gyro
+    clips.
 
     tilt' = tilt - int(C) bias - int(C e_x w_x) scale - int(C e_yz w_x) askew;
     velocity' = velocity + [mean of both tilts x] force + T down;
     position' = position + T velocity + half a step of the change of velocity due to the first half of these terms.
     """
-    carry_columns(P, sums, size, size > MISSING)
-    carry_columns(P.T, sums, size, size > MISSING)
+    P, sums = s.P, s.sums
+    if size > STEADY:
+        carry_columns(P, sums, ERRORS, True)
+        carry_columns(P.T, sums, ERRORS, True)
+        symmetrise(P, ERRORS)
+        return
+    carry_columns(P, sums, STEADY, False)
+    # F changes only tilt, velocity and position, which come before BIAS. Their covariances with the other errors are
+    # already F P, and the covariances of the other errors stay.
+    for j in range(BIAS, STEADY):
+        for m in range(BIAS):
+            P[j, m] = P[m, j]
+    # F P F' = (F (F P)')', and the covariance of tilt, velocity and position is symmetric.
+    for j in range(1, BIAS):
+        for m in range(j):
+            P[j, m], P[m, j] = P[m, j], P[j, m]
+    carry_columns(P, sums, BIAS, False)
+    symmetrise(P, BIAS)
 
 
-@compiled
+@specialised
+def symmetrise(P: Array, size: int) -> None:
+    """Make the first `size` rows of a covariance exactly symmetric."""
+    for j in range(1, size):
+        for m in range(j):
+            P[m, j] = P[j, m]
+
+
+@specialised
 def carry_columns(P: Array, sums: UpdateSums, columns: int, clipped: bool) -> None:
     """
     Apply P <- F P to the first `columns` columns of P, which has STEADY or ERRORS rows.

@@ -92,13 +92,13 @@ def _follow_ripple(s: BoundedRecord, dt: float, rate: float) -> None:
 def follow_motion(s: BoundedRecord, w: Array) -> None:
     """Update the averages of force, displacement and rates with one update interval; w: latest rates, rad/s."""
     T, motion = s.sums.time, s.motion
-    keep = math.exp(-T / SWING_TIME)
+    keep, rate = math.exp(-T / SWING_TIME), 1.0 / T
     along, total = 0.0, 0.0
     share = T / (min(FORCE_MEMORY, motion.force_time) + T)
     motion.force_time += T
     for j in range(3):
-        a = s.sums.velocity[j] / T
-        motion.force[j] += share * (s.sums.force[j] / T - motion.force[j])
+        a = rate * s.sums.velocity[j]
+        motion.force[j] += share * (rate * s.sums.force[j] - motion.force[j])
         motion.slow_acceleration[j] += (1.0 - keep) * (a - motion.slow_acceleration[j])
         slow = motion.slow_acceleration[j]
         moved = motion.velocity[j] * T + s.sums.position[j] - 0.5 * slow * T * T
@@ -128,9 +128,9 @@ def follow_motion(s: BoundedRecord, w: Array) -> None:
     motion.white = min(motion.across, explained(s))
     s.turning += T / (TURNING_MEMORY + T) * (abs(w[0] + s.missing) - s.turning)
     share = T / (min(RATE_MEMORY, s.age + s.settled) + T)
-    s.rate_walk[0] += share * ((w[0] - s.tick_w[0]) ** 2 / T - s.rate_walk[0])
+    s.rate_walk[0] += share * (rate * (w[0] - s.tick_w[0]) ** 2 - s.rate_walk[0])
     across = 0.5 * ((w[1] - s.tick_w[1]) ** 2 + (w[2] - s.tick_w[2]) ** 2)
-    s.rate_walk[1] += share * (across / T - s.rate_walk[1])
+    s.rate_walk[1] += share * (rate * across - s.rate_walk[1])
     for j in range(3):
         s.tick_w[j] = w[j]
 
@@ -196,7 +196,7 @@ def add_noise(p: BoundedParams, s: BoundedRecord) -> float:
         P[BIAS + j, BIAS + j] += p.bias_walk**2 * T
         P[POS + j, POS + j] += across
         for m in range(3):
-            P[POS + j, POS + m] += (along - across) * s.C[j, 0] * s.C[m, 0]
+            P[POS + j, POS + m] += (along - across) * (s.C[j, 0] * s.C[m, 0])
     P[DOWN, DOWN] += DOWN_WALK**2 * T
     if s.clipping.sign != 0.0:
         P[SLOPE, SLOPE] += CLIP_JERK**2 * T

@@ -15,7 +15,7 @@ If the settings are points or means, they are not checked: aliased vibration in 
 from __future__ import annotations
 
 from mwd_estimation.gravity.bounded import measurement, mechanisation
-from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, TILT, BoundedRecord, Update, forget_density
+from mwd_estimation.gravity.bounded.state import ERRORS, LEVER, POS, STEADY, TILT, BoundedRecord, forget_density
 from mwd_sensors.core.compiled import compiled
 
 SURE = 3.0  # samples count as points if the logarithm of the odds for points exceeds this
@@ -62,21 +62,21 @@ def propagate(s: BoundedRecord, rate: float) -> None:
 
 
 @compiled
-def compare(s: BoundedRecord, axis: int, entry: Update) -> None:
-    """
-    Update the odds of point samples, and the errors that they would have caused, with the last innovation.
-
-    axis: tool axis of the innovation; entry: trace of the present update, with measurement row and gain filled.
-    """
+def compare(s: BoundedRecord) -> None:
+    """Update the odds of point samples, and the errors that they would have caused, with the last innovations."""
     if not _integrated(s):
         return
-    effect, expected = s.meaning.effect, 0.0
-    for j in range(STEADY):
-        expected += entry.measured[axis, j] * effect[j, 0]
-    for j in range(STEADY):
-        effect[j, 0] -= entry.gain[axis, j] * expected
-    density = max(s.innovations.density[axis], LEAST_DENSITY)
-    s.meaning.odds += expected * (s.innovation - 0.5 * expected) / (s.spread * density)
+    effect, last = s.meaning.effect, s.latest
+    for axis in range(3):
+        expected = last.measured[axis, TILT] * effect[TILT, 0] + last.measured[axis, TILT + 1] * effect[TILT + 1, 0]
+        for j in range(3):
+            expected += last.measured[axis, POS + j] * effect[POS + j, 0]
+        if axis > 0:
+            expected -= effect[LEVER + axis - 1, 0]
+        for j in range(STEADY):
+            effect[j, 0] -= last.gain[axis, j] * expected
+        density = max(s.innovations.density[axis], LEAST_DENSITY)
+        s.meaning.odds += expected * (last.innovation[axis] - 0.5 * expected) / (last.spread[axis] * density)
 
 
 @compiled

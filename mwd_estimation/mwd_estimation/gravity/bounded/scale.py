@@ -75,12 +75,12 @@ def follow_corrections(s: BoundedRecord, turn: float, along: float, across: floa
 
     along, across: tilt variances before the measurements, rad^2; turn: variance that the interval added to each, rad^2.
     """
-    found = s.innovations
+    found, unit = s.innovations, 1.0 / turn
     dx, dy = hole_direction(s)
     tilt, aside = tilts(s)
     if s.clipping.sign == 0.0:
-        _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt / turn, dy, -dx)
-        _follow(s, found.across, max(across - aside, LEAST_CORRECTION * turn), aside / turn, dx, dy)
+        _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt * unit, dy, -dx)
+        _follow(s, found.across, max(across - aside, LEAST_CORRECTION * turn), aside * unit, dx, dy)
     # The noise of aliased vibration is not inflated, so the scale is at least its share, `noise.whole`. Otherwise small
     # corrections during this noise would lower the scale for the time after the noise.
     whole = noise.whole(s)
@@ -98,7 +98,8 @@ def _follow(s: BoundedRecord, found: CovarianceScale, expected: float, updates: 
     """
     T = s.sums.time
     own = max(min(updates * T, OWN_MOST, OWN_LEAST + OWN_AGE * s.settled), OWN_LEAST)
-    share, unit = min(T / own, 1.0), 1.0 / math.sqrt(expected)
+    length, unit = max(own / T, 1.0), 1.0 / math.sqrt(expected)
+    share = 1.0 / length
     low = found.low
     for j in range(2):
         found.moved[j] += s.correction[TILT + j] - share * found.moved[j]
@@ -108,7 +109,7 @@ def _follow(s: BoundedRecord, found: CovarianceScale, expected: float, updates: 
             value = low[m, j]
     mean = nx * low[0, 0] + ny * low[0, 1]
     band = nx * (low[1, 0] - low[2, 0]) + ny * (low[1, 1] - low[2, 1])
-    power = (mean * mean + BAND * band * band) / share
+    power = (mean * mean + BAND * band * band) * length
     memory = min(SCALE_TIME + SCALE_OWN * own, SCALE_YOUNG + (s.settled / SCALE_SETTLED) ** 2)
     found.power += T / memory * (power - found.power)
     found.expected += expected - share * (2.0 - share) * found.expected
@@ -128,18 +129,20 @@ def _cone(p: BoundedParams, s: BoundedRecord, rotating: float) -> float:
     the inclination.
     """
     P, total, slow = s.P, 0.0, rotating / math.copysign(max(s.turning, 1e-3), s.last_w[0])
-    scale2, bias2 = max(p.scale_sigma**2, LEAST_PRIOR), max(p.bias_sigma**2, LEAST_PRIOR)
-    askew2 = max(p.misalignment_sigma**2, LEAST_PRIOR)
+    bias2 = max(p.bias_sigma**2, LEAST_PRIOR)
+    # Inverses of the prior variances.
+    scale, askew = 1.0 / max(p.scale_sigma**2, LEAST_PRIOR), 1.0 / max(p.misalignment_sigma**2, LEAST_PRIOR)
+    x, y, z = 1.0 / (bias2 + s.stepped[0]), 1.0 / (bias2 + s.stepped[1]), 1.0 / (bias2 + s.stepped[2])
     for j in range(2):
-        y, k = BIAS + 1 + j, ASKEW + j
-        variance = P[k, k] + slow * (P[y, y] * slow + 2.0 * P[y, k])
-        left = (P[k, SCALE] + slow * P[y, SCALE]) ** 2 / scale2
-        for m in range(3):
-            left += (P[k, BIAS + m] + slow * P[y, BIAS + m]) ** 2 / (bias2 + s.stepped[m])
+        b, k = BIAS + 1 + j, ASKEW + j
+        variance = P[k, k] + slow * (P[b, b] * slow + 2.0 * P[b, k])
+        left = scale * (P[k, SCALE] + slow * P[b, SCALE]) ** 2
+        left += x * (P[k, BIAS] + slow * P[b, BIAS]) ** 2
+        left += y * (P[k, BIAS + 1] + slow * P[b, BIAS + 1]) ** 2 + z * (P[k, BIAS + 2] + slow * P[b, BIAS + 2]) ** 2
         for m in range(2):
-            left += (P[k, ASKEW + m] + slow * P[y, ASKEW + m]) ** 2 / askew2
+            left += askew * (P[k, ASKEW + m] + slow * P[b, ASKEW + m]) ** 2
         left = min(left, variance)
-        share = (BIAS_SHARE**2 * bias2 + s.stepped[1 + j]) / (bias2 + s.stepped[1 + j])
+        share = (BIAS_SHARE**2 * bias2 + s.stepped[1 + j]) * (y if j == 0 else z)
         total += 0.5 * (share * left + s.innovations.along.power * (variance - left))
     return total
 
@@ -209,7 +212,8 @@ def _doubt(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
     constant level force, equation (19).
     """
     dx, dy = hole_direction(s)
-    share = 1.0 / (2.0 + 2.0 * math.cosh(min(s.meaning.odds, 0.0)))
+    odds = math.exp(min(s.meaning.odds, 0.0))
+    share = odds / (1.0 + odds) ** 2
     ex, ey = s.meaning.effect[TILT, 0], s.meaning.effect[TILT + 1, 0]
     along, across = _split(s, s.doubt)
     along += share * (ex * dy - ey * dx) ** 2

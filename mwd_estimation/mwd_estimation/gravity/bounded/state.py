@@ -173,6 +173,25 @@ class Update:
     floors: Annotated[Array, 2]  #: variances that are added to the tilt, along and across the hole, rad^2
 
 
+class LaterInformation:
+    """Information of later measurements about the errors at an earlier time (`information`)."""
+
+    #: Information matrix, and the information vector in the last column.
+    matrix: Annotated[Array, STEADY, STEADY + 1]
+    #: `transposed`, `row`: scratch space.
+    transposed: Annotated[Array, STEADY, STEADY + 1]
+    row: Annotated[Array, STEADY + 1]
+
+
+class JumpSize:
+    """Estimate of the size of a jump in prior sigmas, in up to three directions (`jumps`)."""
+
+    known: Annotated[Array, 3, 3]  #: information matrix of the size, with the prior
+    vector: Annotated[Array, 3]  #: information vector of the size
+    estimate: Annotated[Array, 3]  #: estimated size
+    covariance: Annotated[Array, 3, 3]  #: covariance of the estimate
+
+
 class RecentUpdates(Ring):
     """Ring buffer of the last updates."""
 
@@ -197,9 +216,13 @@ class BoundedRecord:
     slope: float  #: slope of the missing rate, rad/s^2
     P: Annotated[Array, ERRORS, ERRORS]  #: covariance of the errors
     correction: Annotated[Array, ERRORS]  #: errors found by the last update
-    work: Annotated[Array, ERRORS]  #: covariance of the errors with the last measurement, P h'
-    innovation: float  #: innovation of the last measurement, m
-    spread: float  #: variance of the innovation of the last measurement, m^2
+    #: Covariances of the errors with the measurements along the three tool axes, H P; scratch space of an update.
+    work: Annotated[Array, 3, ERRORS]
+    #: Share of an innovation along an earlier tool axis that adds to the displacement along a later axis; on the
+    #: diagonal the inverses of the variances of the innovations.
+    share: Annotated[Array, 3, 3]
+    white: Annotated[Array, 3]  #: innovations of the last three measurements over their sigmas
+    latest: Update  #: trace of the latest update
     sums: UpdateSums
     motion: MotionAverages
     innovations: Innovations
@@ -208,6 +231,8 @@ class BoundedRecord:
     meaning: Meaning
     accelerometer: AccelerometerErrors
     recent: RecentUpdates
+    later: LaterInformation  #: scratch space of `jumps`
+    jump: JumpSize  #: scratch space of `jumps`
     #: Sum over the tool axes of the squared low-passed innovation over its usual square; about 3 without a jump.
     surprise: float
     #: Covariance of the tilt (level x, y) from jumps that are possible but not certain (`jumps`), rad^2.
@@ -241,7 +266,7 @@ class BoundedRecord:
     sigma_toolface: float  #: published sigma of toolface, rad
 
 
-RECORD, UPDATE = dtype_of(BoundedRecord), dtype_of(Update)
+RECORD, UPDATE, INFORMATION = dtype_of(BoundedRecord), dtype_of(Update), dtype_of(LaterInformation)
 
 
 @dataclasses.dataclass
