@@ -164,10 +164,13 @@ def _kernel(function: Any, specialised: bool) -> Any:
     # links shares the cached machine code of the original files.
     code = function.__code__
     function.__code__ = code.replace(co_filename=os.path.realpath(code.co_filename))
-    kind = Kernel if numba.version_info.short >= (0, 61) else OldKernel
-    options = {"nopython": True, "nogil": True, "fastmath": False, "forceinline": specialised}
-    kernel = kind(function, targetoptions=options)
-    kernel.specialised = specialised
+    options = {"nopython": True, "nogil": True, "fastmath": False}
+    if numba.version_info.short >= (0, 61):
+        kernel: Any = Kernel(function, targetoptions={**options, "forceinline": specialised})
+        kernel.specialised = specialised
+    else:
+        # Older versions cannot force a kernel into its callers: the results are the same, the loops slower.
+        kernel = OldKernel(function, targetoptions=options)
     kernel.enable_caching()
     return kernel
 
