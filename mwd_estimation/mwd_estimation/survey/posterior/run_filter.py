@@ -113,7 +113,8 @@ class Predicted(CircleEvidence):
             return self.angles, self.by_angle
         of_angles, terms = (field_model.basis(self.angles), self.gyro), self.terms[:2]
         whole = azimuth_density(self.angles, self.share, self.adrift, of_angles, terms, self.extra, self.declination)
-        azimuths = circle.refined(np.log(circle.highest(whole.sum(axis=1)) + 1e-300))
+        # A product is faster than a sum over a short axis.
+        azimuths = circle.refined(np.log(circle.highest(whole @ np.ones(3)) + 1e-300))
         found = whole[circle.places(azimuths)] * circle.widths(azimuths)[:, None]
         return azimuths, found / found.sum()
 
