@@ -340,7 +340,7 @@ class RunFilter:
         used = np.flatnonzero(first.by_kind.sum(axis=1) >= _HOPELESS)
         r, S, M = (part[used] for part in terms)
         angles, prior = circle.refined(density, float(one["gyro"]), float(one["gyro_other"])), prior[used]
-        log, misfit = (np.empty((len(angles), *whole[:, used].shape[1:])) for whole in coarse)
+        log, misfit = (np.empty((len(angles), len(used), *whole.shape[2:])) for whole in coarse)
         again = circle.is_coarse(angles)
         fine = self._logs(one, (r, S, M), state, angles[~again], prior)
         for whole, known, new in zip((log, misfit), coarse, fine, strict=True):
