@@ -344,7 +344,8 @@ class RunFilter:
         again = circle.is_coarse(angles)
         fine = self._logs(one, (r, S, M), state, angles[~again], prior)
         for whole, known, new in zip((log, misfit), coarse, fine, strict=True):
-            whole[again], whole[~again] = known[:, used], new
+            # `take` is faster than an index of the second axis.
+            whole[again], whole[~again] = known.take(used, axis=1), new
         self._add_turned(one, (r, S), state, angles, prior, log)
         least = float(misfit.min()) if one["has_field"] else 0.0
         # A field turned about the vertical does not measure the shared errors: its extra variance has no limit.
