@@ -256,7 +256,9 @@ def _independent(f_t: Array, b_t: Array) -> bool:
     for one in zip(f_t, b_t, strict=True):
         if all(max(map(_angle, one, other)) > _ANOTHER_ATTITUDE for other in chosen):
             chosen.append(one)
-    return len(chosen) >= _LEAST_ROWS
+        if len(chosen) == _LEAST_ROWS:
+            return True
+    return False
 
 
 def _angle(a: Array, c: Array) -> float:

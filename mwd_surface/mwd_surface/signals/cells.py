@@ -63,7 +63,9 @@ def utc(stamp_ns: int) -> str:
 
 def plain(text: str) -> str:
     """Return text on one line without control characters, for a cell, a header or an attribute."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    if not text.isprintable():
+        text = "".join(c if c.isprintable() else " " for c in text)
+    return " ".join(text.split())
 
 
 def quoted(text: str) -> str:

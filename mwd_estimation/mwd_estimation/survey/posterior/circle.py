@@ -23,6 +23,8 @@ _EXACT = 1e-9
 # the coarse grid, all steps within 2.5 deg and every fifth step within 12 deg.
 STEPS, _EVERY = 7200, 40
 _COARSE = np.arange(0, STEPS, _EVERY)
+# Indices of the coarse angles before and after each coarse angle.
+_BEFORE, _AFTER = np.roll(np.arange(len(_COARSE)), 1), np.roll(np.arange(len(_COARSE)), -1)
 _ABOUT = np.unique(np.concatenate([np.arange(-50, 51), np.arange(-240, 241, 5)]))
 # Smallest density of a peak that gets fine steps, relative to the highest peak; and largest number of such peaks.
 _WORTH, _MOST = 1e-7, 6
@@ -68,7 +70,7 @@ def refined(log_density: Array, *centres: float) -> Array:
     log_density: at each coarse angle, the log density, or the highest log density about this angle (`highest`), shape
     (180,). centres: further centres, rad; NaN: no centre.
     """
-    peaks = np.flatnonzero((log_density >= np.roll(log_density, 1)) & (log_density > np.roll(log_density, -1)))
+    peaks = np.flatnonzero((log_density >= log_density[_BEFORE]) & (log_density > log_density[_AFTER]))
     peaks = peaks[log_density[peaks] > log_density.max() + math.log(_WORTH)]
     peaks = peaks[np.argsort(log_density[peaks])[::-1]][:_MOST]
     about = [*_COARSE[peaks], *(round(one / math.tau * STEPS) for one in centres if math.isfinite(one))]
@@ -96,7 +98,10 @@ def places(angles: Array) -> Indices:
 
 def widths(angles: Array) -> Array:
     """Return the width of the interval around each of the ordered angles, rad."""
-    return np.asarray(0.5 * ((np.roll(angles, -1) - np.roll(angles, 1)) % math.tau))
+    found = np.empty(len(angles))
+    found[1:-1] = angles[2:] - angles[:-2]
+    found[[0, -1]] = (angles[[1, 0]] - angles[[-1, -2]]) % math.tau
+    return 0.5 * found
 
 
 def read(angles: Array, density: Array) -> Circle:

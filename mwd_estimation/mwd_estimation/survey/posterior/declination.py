@@ -33,6 +33,8 @@ _INDEPENDENT = 1e-12
 # Smallest variance of the error, rad^2, and ratio of the variances for which the convolution is computed. Between two
 # of them, a part of the probability is smeared by each.
 _EXACT, _RATIO = 1e-8, 1.25
+# Means and sigmas of errors that differ by less than this are the same, rad.
+_SAME = 1e-9
 # A density below this share of the highest is rounding error of the Fourier transform.
 _ROUNDED = 1e-13
 
@@ -67,16 +69,44 @@ def azimuth_density(
     whether the gyro of the filter drifts; circle_of: basis (n, 3) and residual (n,) of the gyro at each angle, 0
     without a gyro; terms: r (m, 3, 4) and S (m, 3, 3, 4, 4); extra (h + 1,): all as in `evidence.gains`.
     """
+    width = circle.widths(angles)
+    if share.shape[3] == 1 and not (np.abs(error.slope) > _INDEPENDENT).any() and np.abs(error.mean).max() < _SAME:
+        # Without a gyro so far, the error is independent of the readings and the same in many filters.
+        by_filter = np.where(share > _LEAST, share, 0.0)[..., 0] @ np.ones(share.shape[2]) / width[:, None]
+        _, first, group = np.unique(np.rint(np.sqrt(error.variance) / _SAME), return_index=True, return_inverse=True)
+        density = (by_filter @ (group[:, None] == np.arange(len(first)))).T
+        return _without_gyro(circle.places(angles), density, error.variance[first])
     mass, turn, smear = errors = np.zeros((3, *share.shape[:2], 3))
     _fill_errors(share, adrift, circle_of, terms, extra, error, errors)
     used = smear[mass > 0.0]
     low = int(used.min())
     parts = np.zeros((3, int(used.max()) - low + 2, circle.STEPS))
-    _add_points(circle.places(angles), mass / circle.widths(angles)[:, None, None], turn, smear - low, parts)
+    filled = np.zeros(parts.shape[:2], dtype=bool)
+    _add_points(circle.places(angles), mass / width[:, None, None], turn, smear - low, parts, filled)
     found = np.zeros((circle.STEPS, 3))
-    for state in np.flatnonzero(parts.any(axis=(1, 2))):
-        whole = sum(np.fft.rfft(parts[state, k]) * _kept(low + k) for k in np.flatnonzero(parts[state].any(axis=1)))
+    for state in np.flatnonzero(filled.any(axis=1)):
+        whole = sum(np.fft.rfft(parts[state, k]) * _kept(low + k) for k in np.flatnonzero(filled[state]))
         found[:, state] = np.fft.irfft(whole, circle.STEPS)
+    return np.where(found > _ROUNDED * found.max(), found, 0.0)
+
+
+def _without_gyro(places: Indices, density: Array, variance: Array) -> Array:
+    """
+    Return the result of `azimuth_density` for g errors with mean 0 that are independent of the readings.
+
+    places (n,): steps of the circle at the angles; density (g, n): of the angle, per rad; variance (g,): rad^2.
+    """
+    times = np.maximum(variance / _EXACT, 1.0)
+    powers = np.floor(np.log(times) / math.log(_RATIO)).astype(int)
+    wider = (times / _RATIO**powers - 1.0) / (_RATIO - 1.0)
+    whole, steps = np.zeros(circle.STEPS // 2 + 1, dtype=complex), np.arange(circle.STEPS)
+    # The first angle is 0; the argument `period` of `np.interp` would take three times as long.
+    ends = np.append(places, circle.STEPS)
+    for part, power, wide in zip(density, powers.tolist(), wider.tolist(), strict=True):
+        smeared = (1.0 - wide) * _kept(power) + wide * _kept(power + 1)
+        whole += np.fft.rfft(np.interp(steps, ends, np.append(part, part[0]))) * smeared
+    found = np.zeros((circle.STEPS, 3))
+    found[:, 2] = np.fft.irfft(whole, circle.STEPS) * (math.tau / circle.STEPS)
     return np.where(found > _ROUNDED * found.max(), found, 0.0)
 
 
@@ -152,13 +182,15 @@ def _fill_errors(
 
 
 @compiled
-def _add_points(places: Indices, density: Array, turn: Array, smear: Array, parts: Array) -> None:
+def _add_points(
+    places: Indices, density: Array, turn: Array, smear: Array, parts: Array, filled: NDArray[np.bool_]
+) -> None:
     """
     Add all points to the densities of the azimuth before the convolution; between two angles they are interpolated.
 
     places (n,): steps of the circle at the angles; density (n, m, 3): of the angle; turn and smear (n, m, 3): as from
     `_fill_errors`, smear less the power of the first convolution; parts (3, g, `circle.STEPS`): probability of each
-    azimuth, by state of the gyro and convolution.
+    azimuth, by state of the gyro and convolution; filled (3, g): set to True where a probability was added.
     """
     steps, count = parts.shape[2], len(places)
     a_step = 6.283185307179586 / steps
@@ -182,6 +214,7 @@ def _add_points(places: Indices, density: Array, turn: Array, smear: Array, part
                     place %= steps
                     after = place + 1 if place + 1 < steps else 0
                     wide, narrow = whole * a_step * wider, whole * a_step * (1.0 - wider)
+                    filled[state, g] = filled[state, g + 1] = True
                     parts[state, g, place] += narrow * (1.0 - beyond)
                     parts[state, g, after] += narrow * beyond
                     parts[state, g + 1, place] += wide * (1.0 - beyond)

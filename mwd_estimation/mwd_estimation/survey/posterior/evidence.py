@@ -118,7 +118,10 @@ def _probabilities(
                         whole += value
                         highest[k] = max(highest[k], value)
                     share[n, k, h, j] = value
-    share /= whole
+    # A loop over one axis is faster than a division of the whole array.
+    flat = share.reshape(-1)
+    for n in range(len(flat)):
+        flat[n] /= whole
     by_angle /= whole
     by_kind /= whole
     highest /= whole
@@ -151,11 +154,17 @@ def spread_at(phi: Array, n: int, packed: Array, size: int, out: Array) -> None:
     """
     p, q, r = phi[n, 0], phi[n, 1], phi[n, 2]
     p00, p11, p22, p01, p02, p12 = p * p, q * q, r * r, p * q, p * r, q * r
-    for a in range(size):
+    # The compiler unrolls loops of fixed length.
+    for a in range(3):
         for b in range(a + 1):
             value = p00 * packed[a, b, 0] + p11 * packed[a, b, 1] + p22 * packed[a, b, 2]
             value += p01 * packed[a, b, 3] + p02 * packed[a, b, 4] + p12 * packed[a, b, 5]
             out[a, b] = out[b, a] = value
+    if size == 4:
+        for b in range(4):
+            value = p00 * packed[3, b, 0] + p11 * packed[3, b, 1] + p22 * packed[3, b, 2]
+            value += p01 * packed[3, b, 3] + p02 * packed[3, b, 4] + p12 * packed[3, b, 5]
+            out[3, b] = out[b, 3] = value
 
 
 @compiled

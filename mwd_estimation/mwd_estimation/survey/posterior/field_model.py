@@ -231,7 +231,9 @@ def predicted(angle: float, one: Row, sigma: Array, residual: Array, slopes: Arr
 
 def basis(angle: Array) -> Array:
     """Return 1, cosine and sine of angles, rad, shape (..., 3); residual and slopes are linear in them."""
-    return np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=-1)
+    found = np.ones((*angle.shape, 3))
+    found[..., 1], found[..., 2] = np.cos(angle), np.sin(angle)
+    return found
 
 
 _AT = np.arange(3.0) * math.tau / 3.0

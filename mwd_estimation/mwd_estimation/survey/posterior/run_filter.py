@@ -113,7 +113,8 @@ class Predicted(CircleEvidence):
             return self.angles, self.by_angle
         of_angles, terms = (field_model.basis(self.angles), self.gyro), self.terms[:2]
         whole = azimuth_density(self.angles, self.share, self.adrift, of_angles, terms, self.extra, self.declination)
-        azimuths = circle.refined(np.log(circle.highest(whole.sum(axis=1)) + 1e-300))
+        # A product is faster than a sum over a short axis.
+        azimuths = circle.refined(np.log(circle.highest(whole @ np.ones(3)) + 1e-300))
         found = whole[circle.places(azimuths)] * circle.widths(azimuths)[:, None]
         return azimuths, found / found.sum()
 
@@ -339,11 +340,12 @@ class RunFilter:
         used = np.flatnonzero(first.by_kind.sum(axis=1) >= _HOPELESS)
         r, S, M = (part[used] for part in terms)
         angles, prior = circle.refined(density, float(one["gyro"]), float(one["gyro_other"])), prior[used]
-        log, misfit = (np.empty((len(angles), *whole[:, used].shape[1:])) for whole in coarse)
+        log, misfit = (np.empty((len(angles), len(used), *whole.shape[2:])) for whole in coarse)
         again = circle.is_coarse(angles)
         fine = self._logs(one, (r, S, M), state, angles[~again], prior)
         for whole, known, new in zip((log, misfit), coarse, fine, strict=True):
-            whole[again], whole[~again] = known[:, used], new
+            # `take` is faster than an index of the second axis.
+            whole[again], whole[~again] = known.take(used, axis=1), new
         self._add_turned(one, (r, S), state, angles, prior, log)
         least = float(misfit.min()) if one["has_field"] else 0.0
         # A field turned about the vertical does not measure the shared errors: its extra variance has no limit.
