@@ -99,7 +99,7 @@ def uncertain(surveys: SurveyList, path: Definitive) -> PathCovariance:
         f" ({turning} rotary surveys: {ROTARY_CODE.removeprefix('ISCWSA ')})" if turning and not well.programme else ""
     )
     stations = programme_stations(surveys, path)
-    failed = int(np.sum(np.isfinite(stations.sigmas).all(axis=1) & stations.failed))
+    failed = int(np.sum(np.isfinite(stations.sigmas).all(axis=1) & np.array(stations.failed, dtype=bool)))
     what += f" (own sigmas of surveys used against their verdict: {failed})" if failed else ""
     beside = "".join(f"; not including the error of an assumption: {one.text}" for one in path.assumptions)
     return PathCovariance(covariance, f"{what} (ISCWSA), 1 sigma, relative to the first station{beside}")
