@@ -27,7 +27,7 @@ class Output:
     #: second.
     interference: Samples
     dynamics: Samples
-    #: Surveys in the order of their numbers: taken at rest, or rotary surveys (taken while the string turned).
+    #: Surveys by number, both those taken at rest and rotary ones (taken while the string turned).
     surveys: list[DecidedSurvey] = dataclasses.field(default_factory=list)
     refusals: list[Refusal] = dataclasses.field(default_factory=list)  #: refused requests for a survey at rest
     rotary_refusals: list[Refusal] = dataclasses.field(default_factory=list)  #: refused requests for a rotary survey

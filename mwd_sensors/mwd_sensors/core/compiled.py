@@ -152,8 +152,9 @@ def specialised(function: F) -> F:
     """
     Compile a kernel like `compiled`, but separately for each kernel that calls it, and for each constant in the call.
 
-    For loops over matrices of a record: LLVM makes vector instructions of them only if it knows the shape of the array
-    and the number of passes. The first is known where `record.matrix` is written, the second if it is a constant.
+    Use it for loops over the matrices of a record: LLVM turns them into vector instructions only if it knows the shape
+    of the array and the number of iterations. The shape is known in code that names `record.matrix` itself, the number
+    if it is a constant.
     """
     kernel: F = _kernel(function, True)
     return kernel

@@ -100,7 +100,7 @@ def uncertain(surveys: SurveyList, path: Definitive) -> PathCovariance:
     )
     stations = programme_stations(surveys, path)
     failed = int(np.sum(np.isfinite(stations.sigmas).all(axis=1) & np.array(stations.failed, dtype=bool)))
-    what += f" (own sigmas of surveys used against their verdict: {failed})" if failed else ""
+    what += f" (failed surveys in use, with their own sigmas: {failed})" if failed else ""
     beside = "".join(f"; not including the error of an assumption: {one.text}" for one in path.assumptions)
     return PathCovariance(covariance, f"{what} (ISCWSA), 1 sigma, relative to the first station{beside}")
 

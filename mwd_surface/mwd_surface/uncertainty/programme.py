@@ -126,7 +126,7 @@ class SurveyProgramme:
                     f"{self.name}: the station at {md:.1f} m has no sigma of its own; use the errors of the code for it"
                     " (angles: code)"
                 )
-            # A tool code describes surveys that pass their checks, not a survey that failed and is used all the same.
+            # A tool code gives the errors of surveys that pass their checks, not of one that failed but is used anyway.
             if known and (row.angles == STATION or stations.failed[k]):
                 sigmas[k] = stations.sigmas[k]
         return StationErrors(tools, sigmas, self.tie_on.covariance())

@@ -23,8 +23,8 @@ def test_a_survey_that_is_used_against_its_verdict_has_its_own_sigma():
     wide = {"covariance": (math.radians(0.2) ** 2, 0.0, 0.0, 0.0, math.radians(40.0) ** 2, 0.0, 0.0, 0.0, 1.0)}
     passed, failed = table_of(**wide), table_of(**wide, verdict=int(Verdict.DOUBTFUL))
     # One other survey of the example is accepted by a person although its verdict is doubtful.
-    assert "used against their verdict: 2" in failed.covariance_note
-    assert "used against their verdict: 1" in passed.covariance_note
+    assert "with their own sigmas: 2" in failed.covariance_note
+    assert "with their own sigmas: 1" in passed.covariance_note
     deepest = int(np.argmax([r.measured_depth for r in passed.surveys.records]))
     np.testing.assert_array_equal(passed.covariance[1], failed.covariance[1])
     assert np.trace(failed.covariance[deepest]) > 1.2 * np.trace(passed.covariance[deepest])

@@ -30,8 +30,8 @@ from mwd_sensors.core.compiled import compiled
 _LEAST = 1e-10
 # Largest covariance of independent errors by rounding, rad uT or rad^2.
 _INDEPENDENT = 1e-12
-# Smallest variance of the error, rad^2, and ratio of the variances for which the convolution is computed. Between two
-# of them, a part of the probability is smeared by each.
+# Convolutions are computed for a geometric series of error variances: its first one, rad^2, and its ratio. For a
+# variance between two of them, their results are mixed.
 _EXACT, _RATIO = 1e-8, 1.25
 # Means and sigmas of errors that differ by less than this are the same, rad.
 _SAME = 1e-9
@@ -144,7 +144,7 @@ def _fill_errors(
     last = share.shape[3] - 1
     packed, s, i, e, c = np.zeros((4, 4, 6)), np.zeros((4, 4)), np.zeros((4, 4)), np.zeros(4), np.zeros(4)
     for k in range(share.shape[1]):
-        # Without a gyro so far, the error is independent of the readings, up to rounding.
+        # Until a gyro is used, the readings tell nothing of the declination error, except by rounding.
         known = np.abs(slope[k]).max() > _INDEPENDENT
         packed_products(S[k], packed)
         for n in range(share.shape[0]):
@@ -164,7 +164,7 @@ def _fill_errors(
                         continue
                     mean, variance = before[k], spread[k]
                     if known:
-                        # A wrong gyro, or none, does not measure the error: its variance has no limit.
+                        # A wrong gyro, or none, does not measure the error: such a measurement has infinite variance.
                         inverse(s, extra[h], OUT if j == last else j * extra[-1], i)
                         for a in range(4):
                             gain = i[a, 0] * c[0] + i[a, 1] * c[1] + i[a, 2] * c[2] + i[a, 3] * c[3]

@@ -12,8 +12,8 @@ is linear in every error that lasts: bias, scale and interference of the magneto
 accelerometers (they turn the axes of b(A)), errors of total and dip of the reference, and an external field along
 north, east and down. States are in units of their own nominal sigma; fields are in uT, to keep the numbers near 1.
 
-A is the azimuth if the declination of the reference is exact. An error of the declination adds to the azimuth and does
-not change the residual at A (`declination`).
+A is the azimuth if the declination of the reference has no error. Such an error adds to the azimuth and does not change
+the residual at A; see the module `declination`.
 """
 
 from __future__ import annotations

@@ -103,8 +103,8 @@ class Predicted(CircleEvidence):
     gyro: Array  #: shape (n,); residual of the gyro at each angle, rad; 0 without a gyro
     #: shape (h + 1,); variances of the external fields and, last, of a step of the gyro's bias, as for `gains`
     extra: Array
-    #: error of the declination in the filters in use; None if the angles are azimuths: there is no field, or azimuths
-    #: are from magnetic north
+    #: what the filters in use know of the declination error; None if the angles are already azimuths, because the
+    #: station has no magnetic field or azimuths are from magnetic north
     declination: Declination | None
 
     @functools.cached_property
