@@ -18,7 +18,7 @@ import dataclasses
 import math
 import operator
 from collections.abc import Callable, Collection, Iterable
-from typing import Any, Protocol
+from typing import Any
 
 from mwd_estimation.core.status import Status
 from mwd_estimation.survey.survey import Survey
@@ -31,19 +31,15 @@ from mwd_surface.live.link_monitor import LinkMonitor
 from mwd_surface.live.log_monitor import LogMonitor
 from mwd_surface.live.plan_monitor import ClearanceMonitor, PlanMonitor
 from mwd_surface.live.said import SaidByTheSurface
-from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
-from mwd_surface.live.source_selection import SourceRules, SourceSelection
+from mwd_surface.live.settings import LiveSettings, WellSettings
+from mwd_surface.live.source_selection import SourceSelection
 from mwd_surface.live.stream_decoder import RIG, StreamDecoder
 from mwd_surface.live.supervision import SupervisionMonitor, not_evaluated
 from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.live.toolface import MAGNETIC
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.live.well_state import AlarmState, WellState
-from mwd_surface.surveys.depth import DepthRules
-from mwd_surface.surveys.leg_settings import LegSettings
-from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice, AdviceBasis, AdvisorySettings, advise
 from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.slide_sheet import DrilledStretch, SlideRules, SlideSheet, yields
@@ -57,31 +53,6 @@ _FROM_TOOL = ("gravity", "dynamics", "interference", "imu/temperature", "imu/mag
 Message = tuple[int, str, bytes]
 # Sort key of messages: time of arrival, then topic, so that the result does not depend on the order of the calls.
 _ARRIVED = operator.itemgetter(0, 1)
-
-
-class WellSettings(Protocol):
-    """The sections of the surface's settings that a well needs."""
-
-    @property
-    def live(self) -> LiveSettings: ...  # noqa: D102
-    @property
-    def link(self) -> LinkSettings: ...  # noqa: D102
-    @property
-    def well(self) -> Well: ...  # noqa: D102
-    @property
-    def plan(self) -> PlanSettings: ...  # noqa: D102
-    @property
-    def advisory(self) -> AdvisorySettings: ...  # noqa: D102
-    @property
-    def rules(self) -> ListRules: ...  # noqa: D102
-    @property
-    def leg(self) -> LegSettings: ...  # noqa: D102
-    @property
-    def depth(self) -> DepthRules: ...  # noqa: D102
-    @property
-    def rig_sources(self) -> SourceRules: ...  # noqa: D102
-    @property
-    def slides(self) -> SlideRules: ...  # noqa: D102
 
 
 def live_settings(settings: WellSettings) -> LiveSettings:

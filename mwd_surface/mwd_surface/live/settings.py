@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the live page: plan, link, and the values and amounts of data that the page shows."""
+"""Settings of the live state of a well: list, plan, link, rig data, and the values and data that the page shows."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from typing import Any
 
 from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.list_settings import ListSettings
+from mwd_surface.live.source_selection import SourceRules
+from mwd_surface.surveys.recorded_settings import SurfacePart
 from mwd_surface.surveys.station_quality import QualityLimits
+from mwd_surface.trajectory.advice import AdvisorySettings
+from mwd_surface.trajectory.slide_sheet import SlideRules
 
 
 def _period_setting(seconds: float, messages: str) -> Any:
@@ -137,4 +141,18 @@ class LinkSettings:
         "topics link/... of several receivers. With any value except direct, the surface subscribes to no other topic "
         "of the tool.",
         choices=("direct", "mud_pulse", "em", "coil", "serial", "best"),
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class WellSettings(SurfacePart):
+    """Sections of the surface's settings from which the live state of a well is computed."""
+
+    link: LinkSettings = setting(LinkSettings, "Reception of the tool's data at the surface.")
+    plan: PlanSettings = setting(PlanSettings, "The planned well path.")
+    advisory: AdvisorySettings = setting(AdvisorySettings, "The advice on steering.")
+    rig_sources: SourceRules = setting(SourceRules, "Arbitration of several sources of rig data.")
+    slides: SlideRules = setting(SlideRules, "The slide sheet.")
+    live: LiveSettings = setting(
+        LiveSettings, "Expected message intervals, chart ranges and quality limits of the page."
     )

@@ -9,19 +9,12 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.downlink.settings import DownlinkSettings
-from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
-from mwd_surface.live.source_selection import SourceRules
+from mwd_surface.live.settings import WellSettings
 from mwd_surface.page.foxglove_server import FoxgloveSettings
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.rig.port import RigSettings
 from mwd_surface.ros.topics import TOPICS
-from mwd_surface.surveys.depth import DepthRules
-from mwd_surface.surveys.leg_settings import LegSettings
-from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.rods import RodSettings
-from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.advice import AdvisorySettings
-from mwd_surface.trajectory.slide_sheet import SlideRules
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,8 +33,8 @@ class RecordSettings:
 
 
 @dataclasses.dataclass(frozen=True)
-class SurfaceSettings:
-    """Parameters of the surface node."""
+class SurfaceSettings(WellSettings):
+    """Parameters of the surface node: those of the well, and those of its recording and interfaces."""
 
     folder: str = setting(
         "~/mwd_data", "Folder of recordings, survey lists and exports; each well has its own folder in it."
@@ -55,22 +48,10 @@ class SurfaceSettings:
         "Tool configuration (tool.yaml) whose section `health` states battery, limits and parts of the tool. "
         "Empty: typical values are used and marked as assumed.",
     )
-    link: LinkSettings = setting(LinkSettings, "Reception of the tool's data at the surface.")
-    well: Well = setting(Well, "The well.")
-    plan: PlanSettings = setting(PlanSettings, "The planned well path.")
-    advisory: AdvisorySettings = setting(AdvisorySettings, "The advice on steering.")
-    rules: ListRules = setting(ListRules, "Rules of the survey list.")
-    leg: LegSettings = setting(LegSettings, "Tie-on, leg and tool.")
-    depth: DepthRules = setting(DepthRules, "Depth of a survey.")
     rods: RodSettings = setting(RodSettings, "Depth by counting rods.")
-    rig_sources: SourceRules = setting(SourceRules, "Arbitration of several sources of rig data.")
-    slides: SlideRules = setting(SlideRules, "The slide sheet.")
     record: RecordSettings = setting(RecordSettings, "Contents of the recording.")
     recorder: RecorderSettings = setting(RecorderSettings, "Files and buffers of the recorder.")
     page: PageSettings = setting(PageSettings, "The live page.")
-    live: LiveSettings = setting(
-        LiveSettings, "Expected message intervals, chart ranges and quality limits of the page."
-    )
     foxglove: FoxgloveSettings = setting(FoxgloveSettings, "Live server for Foxglove.")
     rig: RigSettings = setting(RigSettings, "Rig interfaces.")
     control: ControlSettings = setting(ControlSettings, "Control of top drive and pumps.")

@@ -24,8 +24,7 @@ from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.live_well import LiveWell, live_settings
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.said import SAID
-from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
-from mwd_surface.live.source_selection import SourceRules
+from mwd_surface.live.settings import LinkSettings, WellSettings
 from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_context import WellContext, WellOutlet
@@ -34,15 +33,12 @@ from mwd_surface.logs.depth_log import STEP_M, DepthLog
 from mwd_surface.logs.log_journal import NAME, lines_of, restore
 from mwd_surface.logs.recorded_log import FILE, RIG, TOOL, TOPICS, limits_of_run, namespace_with, recorded_limits
 from mwd_surface.logs.tool_health import HealthLedger, ToolHealth
-from mwd_surface.surveys.depth import DepthRules
-from mwd_surface.surveys.leg_settings import LegSettings, arranged
-from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.leg_settings import arranged
 from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE, recorded_sections
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
-from mwd_surface.trajectory.advice import AdvisorySettings
 from mwd_surface.trajectory.plan import Plan
-from mwd_surface.trajectory.slide_sheet import SLIDES, SlideRules, recorded_stretches
+from mwd_surface.trajectory.slide_sheet import SLIDES, recorded_stretches
 
 #: Topics with depths of the bit, and their types: rig data, and depths that people have set.
 OF_DEPTH = {RIG: wire.RIG_STATE.type_name, "inputs": InputTable.MESSAGE}
@@ -51,30 +47,14 @@ _ALL_DEPTHS = 10**9  # larger than the number of depths in any recording
 _STEP_S = 5.0  # length of the recording that is read at a time, s
 
 
-@dataclasses.dataclass(frozen=True)
-class RecordedWell:
-    """Settings of the surface in a recording: the sections from which the state of a well is computed."""
-
-    live: LiveSettings = dataclasses.field(default_factory=LiveSettings)
-    link: LinkSettings = dataclasses.field(default_factory=LinkSettings)
-    well: Well = dataclasses.field(default_factory=Well)
-    plan: PlanSettings = dataclasses.field(default_factory=PlanSettings)
-    advisory: AdvisorySettings = dataclasses.field(default_factory=AdvisorySettings)
-    rules: ListRules = dataclasses.field(default_factory=ListRules)
-    leg: LegSettings = dataclasses.field(default_factory=LegSettings)
-    depth: DepthRules = dataclasses.field(default_factory=DepthRules)
-    rig_sources: SourceRules = dataclasses.field(default_factory=SourceRules)
-    slides: SlideRules = dataclasses.field(default_factory=SlideRules)
-
-
-def recorded_well(bag: Bag, namespace: str) -> RecordedWell:
+def recorded_well(bag: Bag, namespace: str) -> WellSettings:
     """
     Return the surface's settings in a recording.
 
     If the recording has no settings, its topics show whether the data of the tool came over a telemetry link.
     namespace: namespace of the well, with a slash at its end.
     """
-    settings = recorded_sections(bag, RecordedWell())
+    settings = recorded_sections(bag, WellSettings())
     if settings is not None:
         return settings
     of_tool, of_links = (
@@ -82,12 +62,12 @@ def recorded_well(bag: Bag, namespace: str) -> RecordedWell:
         for topics in (("attitude", "log"), (_LINK_ATTITUDE, "link/log"))
     )
     over_link = of_links and not of_tool
-    return RecordedWell(link=LinkSettings("best")) if over_link else RecordedWell()
+    return WellSettings(link=LinkSettings("best")) if over_link else WellSettings()
 
 
-def recorded_surface(bag: Bag) -> RecordedWell:
+def recorded_surface(bag: Bag) -> WellSettings:
     """Return the surface's settings in a recording; the usual settings if the recording has none."""
-    return recorded_sections(bag, RecordedWell()) or RecordedWell()
+    return recorded_sections(bag, WellSettings()) or WellSettings()
 
 
 class _Simulated(WellOutlet):
@@ -106,7 +86,7 @@ class Player:
     ----------
     namespace : str
         Namespace of the well, with a slash at its end.
-    settings : RecordedWell, optional
+    settings : WellSettings, optional
         Settings of the surface; by default those of the recording.
     plan : Plan, optional
         Plan of the well.
@@ -122,7 +102,7 @@ class Player:
         self,
         bag: Bag,
         namespace: str,
-        settings: RecordedWell | None = None,
+        settings: WellSettings | None = None,
         plan: Plan | None = None,
         *,
         said: frozenset[str] = SAID,

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import reference_of
 from mwd_sensors.core import settings
+from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
@@ -50,10 +51,10 @@ _FIELDS = (
 class SurfacePart:
     """Sections of the surface's settings that affect a survey list."""
 
-    well: Well = dataclasses.field(default_factory=Well)
-    rules: ListRules = dataclasses.field(default_factory=ListRules)
-    leg: LegSettings = dataclasses.field(default_factory=LegSettings)
-    depth: DepthRules = dataclasses.field(default_factory=DepthRules)
+    well: Well = setting(Well, "The well.")
+    rules: ListRules = setting(ListRules, "Rules of the survey list.")
+    leg: LegSettings = setting(LegSettings, "Tie-on, leg and tool.")
+    depth: DepthRules = setting(DepthRules, "Depth of a survey.")
 
 
 @dataclasses.dataclass(frozen=True)

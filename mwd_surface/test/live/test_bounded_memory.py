@@ -14,18 +14,17 @@ from mwd_surface.live.alarms import AlarmLog
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.live_well import LiveWell, live_settings
 from mwd_surface.live.plan_monitor import PlanMonitor
-from mwd_surface.live.settings import LinkSettings, LiveSettings
+from mwd_surface.live.settings import LinkSettings, LiveSettings, WellSettings
 from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.live.well_clock import WellClock
 from mwd_surface.live.well_context import WellContext, WellOutlet
-from mwd_surface.runs.player import RecordedWell
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.survey_list import SurveyList
 
 S = 10**9
 BEGIN = 1_795_800_000 * S
 # Short histories are full after minutes; their budgets are these settings.
-SMALL = RecordedWell(
+SMALL = WellSettings(
     live=LiveSettings(history_seconds=60.0, trend_hours=0.1, trend_step=10.0, log_length=10.0),
     depth=DepthRules(history=50),
 )

@@ -22,12 +22,12 @@ from mwd_sensors.simulator.scenario import parse, read
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.cli import app
-from mwd_surface.live.settings import PlanSettings
+from mwd_surface.live.settings import PlanSettings, WellSettings
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.processing import process
 from mwd_surface.processing.run_output import OutputSettings
 from mwd_surface.runs import simulate
-from mwd_surface.runs.player import Player, RecordedWell, namespace_of, recorded_surface
+from mwd_surface.runs.player import Player, namespace_of, recorded_surface
 from mwd_surface.surveys.recorded_settings import SURFACE
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import plan_of
@@ -89,7 +89,7 @@ def deepest(path, at_s):
 
 
 def test_the_path_goes_to_the_bit_and_is_compared_with_the_plan(recorded):
-    settings = RecordedWell(well=Well(sensor_to_bit=3.0, section_azimuth_deg=40.0))
+    settings = WellSettings(well=Well(sensor_to_bit=3.0, section_azimuth_deg=40.0))
     with Bag(recorded[1]) as bag:
         player = Player(bag, "/w1/", settings, plan_of([0.0, 600.0], [0.0, 0.0], [0.0, 0.0], name="straight"))
         for at in (20.0, 5.0):
@@ -224,7 +224,7 @@ def test_the_page_of_a_recording_is_played_paused_and_wound(recorded, tmp_path):
 )
 def test_the_plan_and_the_convention_of_a_recording_are_those_of_its_settings(azimuth, angle, length, file, word):
     plan = PlanSettings(file=file, opening_azimuth_deg=azimuth, opening_angle_deg=angle, length_m=length)
-    settings = changed(RecordedWell(plan=plan), {"well.convention": word})
+    settings = changed(WellSettings(plan=plan), {"well.convention": word})
     table = {name: str(value) for name, value in values(settings).items()}
     with tempfile.TemporaryDirectory() as folder:
         with BagWriter(Path(folder) / "bag") as bag:
