@@ -231,11 +231,9 @@ class Bench:
             self.one().send(lease, HEARTBEAT, Point())
             time.sleep(min(0.2, self.heartbeat_s / 5.0))
 
-    def ends(self, lease: int, within: float | None = None) -> bool:
-        """Return whether a lease ends within a time, s; by default the heartbeat time plus a margin of 1.5 s."""
-        return self.until(
-            lambda: self.interface.view().lease != lease, self.heartbeat_s + 1.5 if within is None else within
-        )
+    def ends(self, lease: int) -> bool:
+        """Return whether a lease ends within the heartbeat time plus a margin of 1.5 s."""
+        return self.until(lambda: self.interface.view().lease != lease, self.heartbeat_s + 1.5)
 
     def reset(self) -> None:
         """

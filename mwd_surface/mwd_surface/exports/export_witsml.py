@@ -36,7 +36,7 @@ STATION = ("md", "tvd", "incl", "azi")
 PLACE = ("dispNs", "dispEw", "vertSect", "dls", "rateTurn", "rateBuild")
 
 
-def witsml(table: SurveyTable, uid: str = "") -> str:
+def witsml(table: SurveyTable) -> str:
     """
     Return the definitive survey as the text of a WITSML document (UTF-8 when encoded).
 
@@ -44,8 +44,6 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     ----------
     table : SurveyTable
         Survey to write. Stations that are not deeper than the previous station are omitted, and a comment says why.
-    uid : str
-        Uid of the trajectory; if empty, it is made from the names of the well.
     """
     # WITSML defines `incl` as the angle from the vertical.
     table = table.shown(table.display._replace(angles=AngleConvention.INCLINATION))
@@ -55,7 +53,7 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     used = [table.records[k] for k in rows]
     stamps = [r.survey.stamp_ns for r in used if r is not None and r.survey.stamp_ns > 0]
     reference = next((r.survey for r in reversed(used) if r is not None and r.survey.has_reference), None)
-    ids = (_uid(well.name), _uid(well.wellbore_name), _uid(uid or f"{well.wellbore_name}-{table.path.leg}"))
+    ids = (_uid(well.name), _uid(well.wellbore_name), _uid(f"{well.wellbore_name}-{table.path.leg}"))
     head = [
         _text("nameWell", well.name, _NAME),
         _text("nameWellbore", well.wellbore_name, _NAME),

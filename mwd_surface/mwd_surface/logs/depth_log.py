@@ -567,7 +567,10 @@ def on_grid(curves: Sequence[Curve], step_m: float) -> tuple[Array, tuple[Array,
     return (np.arange(low, high) + 0.5) * step_m, rows
 
 
-def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[float, float]:
+_LARGEST_SHIFT_M = 5.0  # largest shift between two curves that is tried, m
+
+
+def shift_between(reference: Curve, other: Curve) -> tuple[float, float]:
     """
     Return the depth shift between two curves by cross-correlation.
 
@@ -575,8 +578,6 @@ def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[
     ----------
     reference, other : Curve
         Curves with the same depth step.
-    most_m : float
-        Largest shift that is tried.
 
     Returns
     -------
@@ -595,7 +596,7 @@ def shift_between(reference: Curve, other: Curve, most_m: float = 5.0) -> tuple[
     if abs(other.depth[1] - other.depth[0] - step) > 1e-9:
         raise ValueError("other: both logs must have the same depth step")
     depth, (at, place) = on_grid((reference, other), step)
-    most = min(round(most_m / step), len(depth) - 1)
+    most = min(round(_LARGEST_SHIFT_M / step), len(depth) - 1)
     one, two = np.full((2, len(depth)), np.nan)
     one[at], two[place] = reference.value, other.value
     scores = np.full(2 * most + 1, np.nan)

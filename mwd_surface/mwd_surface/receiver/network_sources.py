@@ -36,6 +36,7 @@ _CELL = r"(?:[+-]?\d*,\d+(?:[eE][+-]?\d+)?|[^\s,]+)"
 _SPACED_DECIMALS = re.compile(rf"^{_CELL}(?:\s+{_CELL})+$")
 _KEEP_ALIVE_S = 30.0  # time between two messages that keep a connection alive, s
 _SPPA = "0121"  # WITS item of the average standpipe pressure
+_SAMPLING_MS = 20.0  # sampling interval that an OPC UA server is asked for, ms
 
 
 class _Bytes(Protocol):
@@ -356,8 +357,6 @@ class OpcUaSource:
     ----------
     columns : mapping of str
         The node and its unit, such as {"pressure_bar": "ns=2;s=SPP"}.
-    sampling_ms : float
-        Sampling interval asked from the server.
 
     Raises
     ------
@@ -365,11 +364,11 @@ class OpcUaSource:
         The node or the unit is missing.
     """
 
-    def __init__(self, url: str, columns: Mapping[str, str], sampling_ms: float = 20.0) -> None:
+    def __init__(self, url: str, columns: Mapping[str, str]) -> None:
         self._node, self._unit = _named(columns, "a node of OPC UA", "")
         if not self._node:
             raise ValueError("--columns: name the node of the pressure, such as pressure_bar=ns=2;s=SPP")
-        self._url, self._sampling_ms = url, sampling_ms
+        self._url = url
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._rows: list[tuple[float, float]] = []
         self._first = math.nan
@@ -414,7 +413,7 @@ class OpcUaSource:
                 async with Client(self._url, timeout=4.0) as client:
                     subscription = await client.create_subscription(100.0, self)
                     await subscription.subscribe_data_change(
-                        client.get_node(self._node), queuesize=1000, sampling_interval=ua.Double(self._sampling_ms)
+                        client.get_node(self._node), queuesize=1000, sampling_interval=ua.Double(_SAMPLING_MS)
                     )
                     while not self._stop.is_set():
                         await asyncio.sleep(0.1)

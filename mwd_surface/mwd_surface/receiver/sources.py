@@ -207,18 +207,16 @@ class Pipe:
 
 class WavStream:
     """
-    WAV stream, PCM or float, read from a pipe: a sound card (`arecord -f S32_LE -r 400 | ...`) or a file.
+    First channel of a WAV stream, PCM or float: of a sound card (`arecord -f S32_LE -r 400 | ...`) or a file.
 
     Parameters
     ----------
     descriptor : int
         File descriptor to read, for example 0 for standard input.
-    channel : int
-        Channel to read, from 1.
     """
 
-    def __init__(self, descriptor: int, channel: int = 1) -> None:
-        self._pipe, self._channel = Pipe(descriptor), channel
+    def __init__(self, descriptor: int) -> None:
+        self._pipe = Pipe(descriptor)
         self._open = bytearray()
         self._form: _Form | None = None
         self._count = 0
@@ -245,7 +243,7 @@ class WavStream:
         whole = len(self._open) // frame * frame
         shares = _shares(bytes(self._open[:whole]), self._form)
         del self._open[:whole]
-        one = shares.reshape(-1, self._form.channels)[:, self._channel - 1]
+        one = shares.reshape(-1, self._form.channels)[:, 0]
         time = (self._count + np.arange(len(one))) / self._form.rate
         self._count += len(one)
         return time, one * WAV_FULL_SCALE_PA
@@ -281,7 +279,7 @@ class WavStream:
                 if kind == 0xFFFE and size >= 26 + 2:
                     # The extensible format states the kind of samples at the beginning of its sub-format.
                     (kind,) = struct.unpack_from("<H", self._open, at + 8 + 24)
-                if bits not in _WAV_BITS.get(kind, ()) or self._channel > channels or rate == 0:
+                if bits not in _WAV_BITS.get(kind, ()) or channels == 0 or rate == 0:
                     raise ValueError(
                         f"the WAV has {channels} channels of {bits} bits, form {kind}; give PCM of 8, 16, 24 or 32"
                         " bits, or floats"

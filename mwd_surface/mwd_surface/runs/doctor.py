@@ -61,7 +61,7 @@ def missing(name: str, state: str, remedy: str) -> CheckResult:
     return CheckResult(name, CheckLevel.MISSING, state, remedy)
 
 
-def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT) -> list[CheckResult]:
+def examine(environment: Mapping[str, str], folder: Path) -> list[CheckResult]:
     """
     Run all checks; return their results, in the order in which problems should be fixed.
 
@@ -71,8 +71,6 @@ def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT)
         Environment variables of the process that would run the graph.
     folder : Path
         Folder for recordings.
-    port : int
-        Port of the live page.
     """
     checks: tuple[Callable[[], CheckResult], ...] = (
         python,
@@ -85,7 +83,7 @@ def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT)
         lambda: discovery(environment),
         receive_buffer,
         lambda: disk(folder),
-        lambda: page_port(port),
+        lambda: page_port(PAGE_PORT),
         clock,
         *(lambda name=name, why=why: tool(name, why) for name, why in _TOOLS),
     )

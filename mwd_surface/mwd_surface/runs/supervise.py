@@ -37,6 +37,7 @@ _MARGIN = 2.0  # time in which a node that hangs, even in native code, reports w
 _PATIENCE, _TERM_PATIENCE = STOP_PATIENCE + _MARGIN, 2.0  # waiting times after SIGINT and after SIGTERM, s
 _LOOK_PERIOD = 0.05  # time between checks whether a process has ended, s
 _MOST_LOG = 20_000_000  # largest size of a log, bytes
+_MOST_WORDS = 400  # largest length of the last line of a log in a message, characters
 _PR_SET_PDEATHSIG = 1  # number of this option of prctl (Linux)
 
 
@@ -237,9 +238,9 @@ def _bound(log: Path) -> None:
             os.truncate(log, 0)
 
 
-def last_words(log: Path, most: int = 400) -> str:
+def last_words(log: Path) -> str:
     """
-    Return the last `most` characters of the last non-empty line of a log.
+    Return the last `_MOST_WORDS` characters of the last non-empty line of a log.
 
     Return a sentence if the log is empty or cannot be read.
     """
@@ -251,7 +252,7 @@ def last_words(log: Path, most: int = 400) -> str:
     except OSError as error:
         return f"its log {log} cannot be read ({error.strerror})"
     output = [line.strip() for line in lines if line.strip()]
-    return output[-1][-most:] if output else f"no output (log {log})"
+    return output[-1][-_MOST_WORDS:] if output else f"no output (log {log})"
 
 
 def in_words(status: int) -> str:

@@ -58,31 +58,30 @@ class Scored:
         return None if self.chosen is None else float(wrap_pi(self.chosen - self.azimuth))
 
 
-def score(bag: Bag, namespace: str = "", truth: Path | None = None) -> list[Scored]:
+def score(bag: Bag, truth: Path | None = None) -> list[Scored]:
     """
     Return each survey of a recording with the truth at its time, in order of time.
 
-    namespace: namespace of the well, if the recording has several. truth: file of the truth (parameter `truth_file` of
-    the sonde), for a run whose surface received only a link; the surveys are then those of the link. Surveys without
-    truth within 0.6 s are left out. The result is empty if the recording has no surveys.
+    truth: file of the truth (parameter `truth_file` of the sonde), for a run whose surface received only a link; the
+    surveys are then those of the link. Surveys without truth within 0.6 s are left out. The result is empty if the
+    recording has no surveys.
 
     Raises
     ------
     BagError
-        The recording has no truth, or it has several wells and no namespace is given.
+        The recording has no truth, or it has several wells.
     OSError
         The file of the truth cannot be opened or is too large.
     """
-    prefix = namespace.strip("/")
     if not any(topic.type_name == SURVEY_TYPE for topic in bag.topics.values()):
         return []
-    survey_topic = bag.find_topic(SURVEY_TYPE, f"{prefix}/survey" if truth is None else f"{prefix}/link/survey")
+    survey_topic = bag.find_topic(SURVEY_TYPE, "/survey" if truth is None else "/link/survey")
     surveys = _surveys(bag, survey_topic)
     if truth is not None:
         check_regular(truth, budgets.PRESSURE)
         rows = np.loadtxt(truth, delimiter=",", skiprows=1, usecols=(0, 1, 2, 4), ndmin=2)
     else:
-        rows = _truth(bag, bag.find_topic(wire.TRUTH.type_name, f"{prefix}/truth"))
+        rows = _truth(bag, bag.find_topic(wire.TRUTH.type_name, "/truth"))
     if not len(rows):
         raise BagError(f"{bag.path} has no truth to compare with", "only simulated recordings have")
     scored = []
@@ -170,23 +169,22 @@ class _Flow:
     reasons: list[str]
 
 
-def unlisted(bag: Bag, namespace: str = "") -> list[Unlisted]:
+def unlisted(bag: Bag) -> list[Unlisted]:
     """
     Return the intervals with flow for which a link received no complete survey, each with a reason.
 
     Intervals for which the link gave no reason are left out. A wired tool also sends without flow, so its lost surveys
     cannot be found.
     """
-    prefix = namespace.strip("/")
     if not all(any(topic.type_name == kind for topic in bag.topics.values()) for kind in (_WORD, _QUALITY)):
         return []
     listed = []
     if any(topic.type_name == _SURVEY for topic in bag.topics.values()):
-        surveys = bag.find_topic(_SURVEY, f"{prefix}/link/survey")
+        surveys = bag.find_topic(_SURVEY, "/link/survey")
         listed = [stamp_of(bag.decode(name, data).header.stamp) for _, name, _, data in bag.messages([surveys])]
-    erased = _erased(bag, bag.find_topic(_WORD, f"{prefix}/link/word"))
+    erased = _erased(bag, bag.find_topic(_WORD, "/link/word"))
     found: dict[int, Unlisted] = {}
-    for flow in _flows(bag, bag.find_topic(_QUALITY, f"{prefix}/link/quality")):
+    for flow in _flows(bag, bag.find_topic(_QUALITY, "/link/quality")):
         if any(flow.before_ns <= stamp <= flow.end_ns for stamp in listed):
             continue
         reason = next((text for at, text in erased if flow.start_ns <= at <= flow.end_ns), "")

@@ -46,9 +46,9 @@ class Ellipse:
     minor: float
     angle: float
 
-    def outline(self, points: int = 73) -> Array:
-        """Return points on the ellipse about the origin, shape (points, 2), m, in the coordinates of its plane."""
-        t = np.linspace(0.0, math.tau, points)
+    def outline(self) -> Array:
+        """Return points on the ellipse about the origin, shape (73, 2), m, in the coordinates of its plane."""
+        t = np.linspace(0.0, math.tau, 73)
         c, s = math.cos(self.angle), math.sin(self.angle)
         x, y = self.major * np.cos(t), self.minor * np.sin(t)
         return np.stack([c * x - s * y, s * x + c * y], axis=-1)

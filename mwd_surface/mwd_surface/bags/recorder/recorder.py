@@ -40,6 +40,7 @@ from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.status import EventLevel, RecorderError, RecorderEvent, RecorderState, RecorderStatus
 
 _BATCHES = 20  # number of batches written between two checks of time and disk
+_SNAPSHOT_S = 10.0  # longest wait for a snapshot to be written, s
 
 
 class Recorder:
@@ -166,7 +167,7 @@ class Recorder:
         """Continue in a new file and return the finished file. Raises RecorderError like `stop`, and during a pause."""
         return Path(self._command(self._split_asked, timeout_s))
 
-    def snapshot(self, name: str = "", timeout_s: float = 10.0) -> Path:
+    def snapshot(self, name: str = "") -> Path:
         """
         Write the messages of the last `snapshot_seconds`, kept in memory, into a separate bag; return its folder.
 
@@ -175,7 +176,7 @@ class Recorder:
         RecorderError
             `snapshot_seconds` is 0, nothing has been received, or the disk cannot be written.
         """
-        return Path(self._command(lambda: self._snapshot(name), timeout_s))
+        return Path(self._command(lambda: self._snapshot(name), _SNAPSHOT_S))
 
     def attach(self, name: str, media_type: str, data: bytes, log_ns: int, timeout_s: float = 3.0) -> None:
         """
