@@ -40,7 +40,6 @@ class Loaded:
 
     surveys: SurveyList
     messages: tuple[str, ...] = ()
-    fell_back: bool = False  #: whether the newest file was missing or damaged, so that changes may be lost
 
 
 class SurveyStore:
@@ -128,10 +127,10 @@ class SurveyStore:
                 lost = "the last change may be missing" if damaged else f"{self.current.name} was missing"
                 messages.append(f"survey list read from {path.name}: {lost}; check it against the log")
             surveys, remarks = _under(stored, well, rules)
-            return Loaded(surveys, (*messages, *remarks), path == self.previous)
+            return Loaded(surveys, (*messages, *remarks))
         if damaged:
             messages.append("no complete survey list is left: starting with an empty one; the log has every survey")
-        return Loaded(SurveyList(well=well, rules=rules), tuple(messages), damaged)
+        return Loaded(SurveyList(well=well, rules=rules), tuple(messages))
 
     def _keep_current_as_previous(self) -> None:
         # Make a hard link to the file and rename the link, so that `current` exists at every moment.

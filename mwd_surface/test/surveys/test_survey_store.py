@@ -54,7 +54,7 @@ def loaded(folder, well=WELL):
 def test_a_new_folder_holds_an_empty_list(tmp_path):
     got = loaded(tmp_path / "deep" / "well")
     assert got.surveys.records == ()
-    assert (got.messages, got.fell_back) == ((), False)
+    assert got.messages == ()
 
 
 def test_what_was_saved_comes_back_to_the_last_bit_and_the_one_before_is_kept(tmp_path):
@@ -84,7 +84,6 @@ def test_a_damaged_file_gives_way_to_the_one_before_and_both_are_kept(tmp_path, 
     current.write_bytes(broken)
     got = loaded(tmp_path)
     assert got.surveys == two
-    assert got.fell_back
     assert says in got.messages[0]
     assert "kept as surveys.damaged-1.json" in got.messages[0]
     assert "read from surveys.previous.json" in got.messages[1]
@@ -98,7 +97,6 @@ def test_two_damaged_files_are_both_kept_and_an_empty_list_says_so(tmp_path):
         (tmp_path / name).write_text("{")
     got = loaded(tmp_path)
     assert got.surveys.records == ()
-    assert got.fell_back
     assert "no complete survey list is left" in got.messages[-1]
     assert {p.name for p in tmp_path.glob("*damaged*")} == {"surveys.damaged-1.json", "surveys.damaged-2.json"}
 

@@ -42,18 +42,6 @@ def pushed(link, time, value, block=100):
     return words, surveys, states
 
 
-def reported(link, run, flow):
-    """States, one for each second, of a link to which the rig reports a flow each second; NaN: it reports nothing."""
-    states = []
-    for first in range(0, len(run.time_s), 100):
-        at_s = run.time_s[first]
-        if not math.isnan(flow(at_s)):
-            link.take_flow(at_s, flow(at_s))
-        link.push(run.time_s[first : first + 100], run.pressure_pa[first : first + 100])
-        states.append(link.quality())
-    return states
-
-
 @pytest.fixture(scope="module")
 def run():
     channel = MudChannel(well=WellGeometry(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0)))
@@ -116,28 +104,12 @@ def test_pressure_that_begins_behind_the_sync_waits_for_the_next(run, changes, b
 
 
 def test_words_refute_a_threshold_that_is_too_high(run):
-    states = reported(link_of(), run, lambda _: 0.5 * TOOL.flow_threshold)
+    link, states = link_of(), []
+    for first in range(0, len(run.time_s), 100):
+        link.take_flow(run.time_s[first], 0.5 * TOOL.flow_threshold)
+        states += pushed(link, run.time_s[first : first + 100], run.pressure_pa[first : first + 100])[-1]
     assert states[70].state == NO_FLOW
     assert states[-1].state == LOCKED
-
-
-def test_a_flow_that_the_rig_reports_no_more_says_nothing(run):
-    """Zero was the last of the connection; then the rig is silent, and the tool is another one."""
-    link = link_of(dataclasses.replace(TOOL, pulse_width_s=0.45))
-    states = reported(link, run, lambda at_s: 0.5 * TOOL.flow_threshold if at_s < 62.0 else math.nan)
-    assert states[63].state == NO_FLOW
-    assert {one.state for one in states[70:90]} == {SEARCHING}
-    link.take_flow(link.now_s, 0.5 * TOOL.flow_threshold)
-    link.take_flow(link.now_s, None)
-    assert link.quality().state != NO_FLOW
-
-
-def test_a_flow_meter_that_contradicts_the_pressure_does_not_decide(run):
-    states = reported(link_of(), run, lambda _: 0.0)
-    assert {one.state for one in states[64:]} == {SEARCHING, LOCKED}
-    states = reported(link_of(), run, lambda _: 2.0 * TOOL.flow_threshold)
-    assert states[50].state == NO_FLOW
-    assert states[50].reason.startswith("the rig reports a flow of 1200 l/min although there is no pressure")
 
 
 @pytest.mark.parametrize(("words", "state"), [(5, LOCKED), (4, LOCKED), (1, DOUBTFUL)])
