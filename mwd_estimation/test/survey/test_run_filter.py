@@ -259,6 +259,10 @@ def test_a_gyro_far_from_a_field_in_order_leaves_both_azimuths_open():
     assert sorted(azimuths) == pytest.approx([2.0, 2.3], abs=0.02)
 
 
+def test_the_field_of_a_storm_is_correlated_over_three_hours():
+    assert hypotheses.kept(3.0) == pytest.approx(math.exp(-1.0), rel=0.05)
+
+
 def test_steel_at_one_station_is_as_likely_as_not_at_the_next():
     model = RunFilter(dataclasses.replace(ALONE, external=0.02), SIGMAS)
     beside = learnt(model, station(1.0, 2.0, 0.7, bias=(0.0, 8e-6, 0.0)))
