@@ -243,8 +243,9 @@ class Clocks:
         if len(other.jump) < CONFIRMED:
             return sample[:0]
         begins_ns, newest_ns = int(other.jump[0]["stamp_ns"][0]), int(other.waiting[-1]["stamp_ns"][0])
-        # The earlier time would have advanced as much as the new time has since the jump. A step forward of another
-        # size is a data gap: after a jump back, it may well pass the latest stamp of the earlier time.
+        # Without the jump, the earlier time would have advanced as much as the new time has since then. A jump to about
+        # that time is a return to the earlier time. Any other step forward is a data gap of the new time, even if it
+        # goes beyond the latest stamp of the earlier time.
         expected_ns = pace.last_ns + (newest_ns - other.first_ns)
         returns = abs(begins_ns - expected_ns) <= max(BACK_NS, _PACES * other.step_ns)
         if not returns and begins_ns > newest_ns:
@@ -269,7 +270,8 @@ class Clocks:
             if not other.is_at(self._lead.last_ns):
                 continue
             newest = int(other.waiting[-1]["stamp_ns"][0])
-            # A leader that is behind passes the new time of a stream that went back twice: first in the old time.
+            # If this stream went back, a leader that lags may pass the stamps of the waiting samples while it is still
+            # in the old time. Release these samples only when the leader has passed the old time too.
             passed = other.first_ns > other.pace.last_ns or self._lead.last_ns > other.pace.last_ns + BACK_NS
             if passed and before_ns - BACK_NS < newest and other.first_ns <= self._lead.last_ns + BACK_NS:
                 found[name] = other.released()

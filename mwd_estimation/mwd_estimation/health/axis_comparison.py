@@ -194,8 +194,8 @@ def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
 def _read_axes(sums: Any, s: int) -> tuple[int, int, int, bool]:
     """Return the result for each axis of sensor s, and whether one of its axes is wrong (`strange` in `axes_of`)."""
     found, shaken = np.full(3, _SILENT_AXIS), 0.0
-    # In a steady rotation the leakage hides the small rates of the cross-axis gyros: the second comparison removes the
-    # means.
+    # In a steady rotation, a share of the axial rate leaks into the cross-axis gyros and hides their own small rates. A
+    # second comparison therefore removes the means, and with them the leakage.
     for centred in range(2 - s):
         greatest2, own2 = 0.0, 0.0
         for k in range(3):

@@ -147,7 +147,8 @@ class SurveyDecision:
         sequence : int
             The survey's number.
         gyro : Solution or None
-            North from the precision unit, or the reason why it has no north; None if there is no precision unit.
+            Azimuth from the north seek of the precision unit, or the reason why the seek gave no azimuth; None for a
+            tool without a precision unit.
         turning : Turning or None
             Estimates from the rotations of the string so far.
         usable : bool

@@ -43,6 +43,14 @@ def test_two_modes_are_named_with_their_probabilities():
     assert (other, odds) == (pytest.approx(4.0, abs=5e-3), pytest.approx(0.1, abs=0.005))
 
 
+@pytest.mark.parametrize(("apart", "others"), [(3.1, 0), (3.6, 1)])
+def test_two_peaks_are_two_azimuths_if_the_density_falls_to_half_between_them(apart, others):
+    # Equal peaks 3.1 sigma apart have 60 % of their height between them, and 40 % at 3.6 sigma. At 60 % no azimuth in
+    # between is improbable, so one mean with a larger sigma describes both peaks.
+    found = circle.read(*of_mixture((0.5, 2.0, 0.02), (0.5, 2.0 + 0.02 * apart, 0.02)))
+    assert len(found.alternatives) == others
+
+
 def test_an_improbable_large_error_widens_sigma_beyond_the_standard_deviation():
     found = circle.read(*of_mixture((0.98, 2.0, 0.01), (0.02, 2.0, 0.1)))
     assert found.sigma > 1.3 * math.sqrt(0.98 * 0.01**2 + 0.02 * 0.1**2)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a magnetometer should read at an azimuth: exact for the truth, and its slopes against differences."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -90,3 +91,12 @@ def test_what_changes_from_station_to_station_is_part_of_the_reference_s_sigma()
              math.sqrt(REFERENCE.declination_variance(REFERENCE.horizontal))]  # fmt: skip
     assert shared * np.hypot(1.0, own) == pytest.approx(whole)
     assert own[0] * shared[0] == pytest.approx(0.06)
+
+
+def test_of_a_very_accurate_reference_only_half_of_the_variance_averages_out_over_the_stations():
+    # A certificate may state a sigma below the usual change from station to station. If all of its error were of that
+    # kind, many stations together would show the errors of the sensors as if the reference had none.
+    accurate = dataclasses.replace(REFERENCE, sigma_total=1e-9, sigma_dip=1e-5)
+    found = field_model.nominal_sigmas(SensorErrors(), accurate, False)
+    np.testing.assert_allclose(found.own[:2], 1.0)
+    np.testing.assert_allclose(found.shared[Shared.TOTAL : Shared.TOTAL + 2] ** 2, [0.5e-6, 0.5e-10])

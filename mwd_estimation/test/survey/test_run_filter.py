@@ -259,6 +259,29 @@ def test_a_gyro_far_from_a_field_in_order_leaves_both_azimuths_open():
     assert sorted(azimuths) == pytest.approx([2.0, 2.3], abs=0.02)
 
 
+def test_the_field_of_a_storm_is_correlated_over_three_hours():
+    assert hypotheses.kept(3.0) == pytest.approx(math.exp(-1.0), rel=0.05)
+
+
+def test_steel_at_one_station_is_as_likely_as_not_at_the_next():
+    model = RunFilter(dataclasses.replace(ALONE, external=0.02), SIGMAS)
+    beside = learnt(model, station(1.0, 2.0, 0.7, bias=(0.0, 8e-6, 0.0)))
+    assert model.probabilities(beside.by_kind)[Hypothesis.EXTERNAL] > 0.99
+    # A station without a magnetic reading shows what is expected there.
+    following = station(1.0, 2.0, 0.7)
+    following["has_field"] = False
+    expected = model.probabilities(model.evidence(following).by_kind)[Hypothesis.EXTERNAL]
+    assert expected == pytest.approx(0.5, abs=0.07)
+
+
+def test_a_gyro_is_expected_to_fail_as_often_as_it_did_only_after_some_twenty_stations():
+    model = RunFilter(dataclasses.replace(ALONE, gyro_adrift=0.0, gyro_fails=0.0), SIGMAS)
+    for k in range(5):
+        learnt(model, with_gyro(station(1.0, 2.0, 0.3 * k), 3.0 + 0.5 * k, 1e-3))
+    # Five failures in five stations, against a prior worth twenty stations: 5 / 25, and not all of the next ones.
+    assert model.gyro_shares(model.state)[2] == pytest.approx(0.2, abs=0.03)
+
+
 def drawn(model, horizontal, rng):
     """A station of the model's own priors, its azimuth, where the field is so weak, uT."""
     reference = dataclasses.replace(REFERENCE, dip=math.acos(horizontal * 1e-6 / REFERENCE.total))

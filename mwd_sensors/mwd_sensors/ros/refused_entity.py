@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Refusals of the middleware: of topics, services and actions, as without an SROS2 permission, and of single messages.
+Report what the middleware refuses: topics, services and actions, such as without an SROS2 permission, and messages.
 
 The middleware's own error names neither the topic nor the permission (rmw_fastrtps: "could not create data writer").
 """

@@ -24,7 +24,8 @@ from mwd_sensors.core.settings import setting
 
 # Phases in which a vibration acts; each is an envelope of the schedule.
 WHEN = ("always", "rotating", "sliding", "drilling", "pumping", "moving")
-# Envelopes of the phases of `WHEN`, and two more: rotary speed of the phase, rad/s, for stick-slip, and whirl bursts.
+# Envelopes of the schedule: one for each phase of `WHEN`; "stick_slip", the rotary speed of the phase, rad/s; and
+# "burst", the bursts of whirl.
 ENVELOPES = (*WHEN, "stick_slip", "burst")
 
 _AXES = "along the hole axes x (down-hole), y, z (high side)"

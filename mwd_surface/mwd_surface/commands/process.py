@@ -222,7 +222,8 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
     if summary.reference == "none" and (place.lat_deg is None) != (place.lon_deg is None):
         missing = "--lat" if place.lat_deg is None else "--lon"
         terminal.warn(
-            f"the place is incomplete: {missing} is not given, so there is no reference field and no true azimuth"
+            f"{missing} is not given, so there is no reference field: the azimuths of the magnetometer are not"
+            " corrected and are from magnetic north; give latitude and longitude"
         )
     for fault in summary.faults:
         if fault.code == FaultCode.NEVER_CAME and not summary.mag_used:
@@ -250,7 +251,8 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         records = sorted(summary.listed.records, key=lambda one: one.survey.sequence)
         show_surveys(records, summary.listed.well.angles)
         terminal.tell(*revision_sentences(records))
-        # If there is no source of depths, the line "depths" reports this: do not print a warning for each survey.
+        # Warn of each survey without a depth only if there is a source of depths. Without any source, the line "depths"
+        # above says so once.
         if summary.topics.rig is not None or summary.depth_table:
             terminal.warn(*list_warnings(summary.listed.records))
     else:

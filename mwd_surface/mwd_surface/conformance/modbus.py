@@ -151,8 +151,8 @@ class ModbusPeer:
         """
         Give a lease back; return whether the interface accepted the request.
 
-        The request names the controller number with which the lease was requested, or, if another client requested it,
-        the public number of the owner.
+        The request contains the controller number with which this client requested the lease. For a lease of another
+        client it contains the number of the owner, which every client can read.
         """
         own = self.client.read_input_registers(_STATE + 4, count=1, device_id=self._interface.unit).registers[0]
         return self.write(_REQUEST, (_RELEASE, self._names.get(lease, own), 0, 0))

@@ -155,13 +155,14 @@ class RigCommands:
 
     def stop_pump(self) -> None:
         """
-        Give the pumps back to the driller.
+        Give the pumps back to the driller; a set-point of the top drive stays in force.
 
-        If no set-point of the top drive is in force, give the top drive back too.
+        If there is no set-point of the top drive, send the rig the command to release everything. Otherwise the flow is
+        simply no longer commanded.
         """
         if self.drive is None:
             self.let_go()
-        # The rig stops the commanded flow itself as soon as the command is no longer repeated.
+        # As soon as the command is no longer repeated, the rig ends the commanded flow by itself.
         self._pump.point = None
 
     def lapse(self, now: float) -> None:
@@ -403,7 +404,11 @@ class ControlAuthority:
             return True, f"{pending.name} is denied"
 
     def _abort(self, operator: str, because: str) -> None:
-        """Give top drive and pumps to the driller in any state; drop a waiting request, which would be granted next."""
+        """
+        Give top drive and pumps back to the driller, whether or not a lease is in force.
+
+        A waiting request is dropped, because it would be granted as soon as the lease has ended.
+        """
         if self._pending is not None:
             self._log(f"the request of {self._pending.name} ended: {operator} took control back")
             self._pending = None

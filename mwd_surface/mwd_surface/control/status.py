@@ -135,7 +135,7 @@ class ControlStatus(MessageRecord):
 
     @classmethod
     def from_message(cls, message: Any) -> ControlStatus:
-        """Return the status in a message, which has a separate field for each limit, achieved value and reaction."""
+        """Return the status in a message; the message has one field for each limit, achieved value and reaction."""
         limits = {name: float(getattr(message, f"{name}_limit")) for name in _LIMITS}
         achieved = {name: or_none(getattr(message, f"achieved_{name}")) for name in _ACHIEVED}
         return dataclasses.replace(

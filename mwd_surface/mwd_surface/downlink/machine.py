@@ -332,7 +332,7 @@ class Machine:
         """
         Ask for permission to send the draft; return the reason of the new state as text.
 
-        number: number of the draft, 0: the present draft.
+        number: number of the draft; 0 stands for the present draft, whatever its number is.
 
         Raises
         ------
@@ -347,8 +347,9 @@ class Machine:
         """
         Grant or deny the request; return the reason of the new state as text.
 
-        number: number of the request that the page showed to the person. 0 stands for the present request, but is not
-        accepted for granting.
+        number: number of the request, as the page showed it to the person. To deny a request, 0 may stand for the
+        present one. To grant it, the number is required, so that nobody grants a request that has replaced the one on
+        the page.
 
         Raises
         ------

@@ -85,9 +85,9 @@ class RigControl:
 
 class RigClock:
     """
-    Clock that follows the time of the rig's data, s; when the data are late, it runs on by the steady clock.
+    Clock that follows the time of the rig's data, s; when the data are late, it continues with a steady clock.
 
-    It goes back only if a new time is more than five seconds earlier.
+    The clock goes back only if the rig reports a time that is more than five seconds earlier.
     """
 
     def __init__(self) -> None:

@@ -259,7 +259,8 @@ def witsml_table(text: str, name: str) -> Table:
     trajectories = [one for one in root.iter() if _tag(one) == "trajectory" and _children(one, "trajectorystation")]
     if not trajectories:
         empty = any(_tag(one) == "trajectory" for one in root.iter())
-        what = "the trajectory has no stations" if empty else "there is no trajectory of WITSML 1.3, 1.4, 2.0 or 2.1"
+        nothing = "the document has no trajectory of WITSML 1.3, 1.4, 2.0 or 2.1"
+        what = "no trajectory of the document has a station" if empty else nothing
         raise ListFileError(f"{name}, line {root.sourceline}: {what}")
     trajectory = trajectories[0]
     remarks = []

@@ -20,8 +20,8 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.list_files.station_list import POSITION
 
-# Largest measured depth of a survey, m; a list with a greater depth must be confirmed. The longest hole so far has
-# 15.2 km.
+# Largest measured depth of a survey, m; a list with a greater depth must be confirmed. The longest hole so far is
+# 15.2 km long.
 DEEPEST = 20_000.0
 _ARC = 60.0  # largest distance between two stations of a complete list, m
 _IMPOSSIBLE = 100_000.0  # largest depth that the caller can confirm, m

@@ -273,7 +273,7 @@ class Given:
                 raise ValueError(f"unknown {what} {value!r}; choose one of {', '.join(known)}")
 
     def with_dip(self, way: str) -> Given:
-        """Return the facts with another `usual_dip`."""
+        """Return a copy of these facts with `usual_dip` set to `way`."""
         return dataclasses.replace(self, usual_dip=way)
 
 

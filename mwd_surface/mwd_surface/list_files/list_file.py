@@ -348,12 +348,13 @@ class _ListReader:
             self._say(RemarkKind.COLUMN_NOT_READ, text)
 
     def _downwards(self, found: list[_ListedStation]) -> list[_ListedStation]:
-        """Return the stations from top to bottom; a list written from the bottom up, as a log is, is turned over."""
+        """Return the stations from top to bottom; reverse a list that is written from the bottom up."""
         depths = [one.numbers["md"] for one in found]
         if len(found) < _UPWARDS or not all(a > b for a, b in itertools.pairwise(depths)):
             return found
         self._say(
-            RemarkKind.ROWS_REORDERED, f"{self.name}: the stations are listed from the bottom up and are turned over"
+            RemarkKind.ROWS_REORDERED,
+            f"{self.name}: the stations are listed from the bottom up; their order is reversed",
         )
         return found[::-1]
 
@@ -613,7 +614,7 @@ class _ListReader:
         if not own and self.head.strange_north:
             raise ListFileError(
                 f"{self.name}: its head gives the north of the azimuths as {self.head.strange_north!r}, which was not"
-                f" recognised; set {', '.join(NORTHS)} with --north"
+                f" recognised; set it with --north to one of {', '.join(NORTHS)}"
             )
         if own and self.head.north and own != self.head.north and len(self.of["azimuth"]) == 1:
             raise ListFileError(
@@ -695,8 +696,8 @@ class _ListReader:
         if abs(turn) > math.radians(6.0) or not fits((md, inc, azi + turn), positions):
             return positions
         text = (
-            f"{self.name}: its azimuths are from {north} north, but its north and east columns are turned like a grid"
-            f" by {math.degrees(turn):+.2f} deg from that north: these columns are turned back"
+            f"{self.name}: its azimuths are from {north} north, but its north and east columns are rotated by"
+            f" {math.degrees(turn):+.2f} deg from that north, like the axes of a grid: these columns are rotated back"
         )
         self._say(RemarkKind.MAP_TURNED, text, turn=float(turn))
         level = (positions[:, 0] + 1j * positions[:, 1]) * np.exp(-1j * turn)

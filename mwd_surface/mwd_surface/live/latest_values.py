@@ -215,7 +215,7 @@ class StripHistory:
             if how not in ("mean", "max", "angle"):
                 raise ValueError(f"channels: {name}: expected mean, max or angle, got {how!r}")
         if not seconds * rate >= 1.0:
-            raise ValueError(f"seconds, rate: need room for one row, got {seconds} s at {rate} Hz")
+            raise ValueError(f"seconds, rate: their product must be at least one row, got {seconds} s at {rate} Hz")
         self.channels = dict(channels)
         self.interval = 1.0 / rate
         self.length = seconds

@@ -41,10 +41,10 @@ class SupervisionRow:
 
 # Nodes that the surface supervises by their heartbeats -> functions that still work without the node.
 _OTHERS = {
-    "sonde": "as without samples of the sonde: survey list, path and recording go on",
-    "probe": "as without samples of the sonde: survey list, path and recording go on",
-    "estimator": "as without attitude: raw data are recorded; `mwd process` gives the surveys afterwards",
-    "receiver": "as without the telemetry link: the pressure is recorded; `mwd decode` gives the words afterwards",
+    "sonde": "no samples come from the sonde; survey list, path and recording go on",
+    "probe": "no samples come from the sonde; survey list, path and recording go on",
+    "estimator": "there is no attitude; raw data are recorded, and `mwd process` gives the surveys afterwards",
+    "receiver": "nothing is decoded; the pressure is recorded, and `mwd decode` gives the words afterwards",
 }
 _GONE = "values turn stale and are withheld from the rig"
 TABLE = (

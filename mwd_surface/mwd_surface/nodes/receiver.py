@@ -131,7 +131,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         if not self.settings.serial_port:
             return None
         if not wired:
-            raise RuntimeError("serial_port: no tool file is of a wired tool (code: serial); leave it empty")
+            raise RuntimeError("serial_port: must be empty, because no tool file describes a wired tool (code: serial)")
         return SerialBytes(self.settings.serial_port, wired[0].serial.baud, time.monotonic)
 
     def _buffer(self, link: str) -> MessageBuffer | None:

@@ -247,7 +247,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         if not self._from_ns <= wanted <= last:
             first_s, last_s = (round((at - bag.start_ns) * 1e-9, 3) for at in (self._from_ns, last))
             raise ValueError(f"the replay is from {first_s:g} to {last_s:g} s after the first message")
-        self._end_step(False, "the replay went to another moment")
+        self._end_step(False, "the replay was moved to another time")
         reached = self._go_to(wanted)
         now = time.monotonic()
         pace.seek(reached, now)
@@ -299,7 +299,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         """Return a diagnostic of the progress and, once the replay runs, one of the topics that are not published."""
         values: tuple[tuple[str, str], ...] = (("messages", str(self._published)), ("round", str(self._rounds)))
         if self._pace is None:
-            over = "over; waiting until subscribers have acknowledged the last messages"
+            over = "the replay has ended; it waits until subscribers have acknowledged the last messages"
             message = over if self._over else "waiting for a listener"
             return (Diagnostic("replay", OK, message, values=(*values, wire.OVER) if self._over else values),)
         now = time.monotonic()

@@ -29,7 +29,7 @@ _LATEST_NS = 10 * NANOSECONDS
 
 @dataclasses.dataclass(frozen=True)
 class RecordedRequest:
-    """One request."""
+    """Request in a recording; it is repeated after the last sample that came before it."""
 
     #: `stamp_ns`, `log_ns`: stamp of the last sample before the request, and log time of the request's message
     stamp_ns: int

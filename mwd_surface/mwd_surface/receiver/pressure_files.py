@@ -77,7 +77,7 @@ def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse", c
         The file is not a recording, or it has no such topic.
     """
     if gauge not in (1, 2):
-        raise ValueError(f"--gauge {gauge}: 1 or 2")
+        raise ValueError(f"--gauge: must be 1 or 2, got {gauge}")
     suffix = path.suffix.lower()
     strokes: dict[int, Array] = {}
     said: tuple[str, ...] = ()
@@ -198,7 +198,7 @@ def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
         raise ValueError(f"{path}: not a WAV that can be read (PCM or float): {error}") from error
     table = samples if samples.ndim == 2 else samples[:, np.newaxis]
     if gauge > table.shape[1]:
-        raise ValueError(f"{path}: has {table.shape[1]} channel, so there is no gauge {gauge}")
+        raise ValueError(f"{path}: the WAV has one channel, so it has no gauge {gauge}")
     if rate <= 0:
         raise ValueError(f"{path}: the WAV gives no sample rate")
     one = table[:, gauge - 1].astype(float)

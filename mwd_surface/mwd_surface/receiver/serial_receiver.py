@@ -120,7 +120,7 @@ class SerialReceiver:
             self._held = None
             self._accept(heard, done)
         elif self._held is not None and _follows(heard.counter, self._held.counter):
-            # Two consecutive frames that follow each other overrule the old counter: the tool was restarted.
+            # Neither frame follows the old counter, but they follow each other: the tool was restarted.
             self._accept(self._held, done)
             self._held = None
             self._accept(heard, done)

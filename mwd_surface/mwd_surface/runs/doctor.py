@@ -251,7 +251,7 @@ def page_port(port: int) -> CheckResult:
 
 def clock() -> CheckResult:
     """
-    Return NOTE if no service synchronises the clock, else OK, even if this is unknown.
+    Return NOTE if it is known that no service synchronises the clock of this machine; otherwise OK.
 
     Stamps of different machines are compared, so their clocks should agree.
     """

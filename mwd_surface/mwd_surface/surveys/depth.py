@@ -150,14 +150,16 @@ class DepthTrack:
         """
         Process one reading of the rig; return whether it is accepted now.
 
-        A placeholder (not marked valid, not finite, negative as -999.25, or too deep) is counted and not used. A jump
-        waits until `rules.confirm` consecutive readings agree; then all of them are accepted. Readings that are older
-        than the latest one by more than `rules.bridge` wait in the same way: if they agree, either the later stamps
-        were wrong or the clock of the rig was set back, and the later readings are removed. If the sonde's time is
-        known, the older readings must be nearer to the sonde's time than the latest reading is. A second source with
-        another clock, or a clock that starts at 1970 for a moment, then does not remove good readings. If the sonde's
-        time is unknown, older readings that do not follow an accepted reading must last for `rules.bridge`, without a
-        reading of the later clock in between.
+        A reading that is not a depth (not marked valid, not finite, negative like the null value -999.25, or too deep)
+        is counted and not used. A jump waits until `rules.confirm` consecutive readings agree; then all of them are
+        accepted.
+
+        Readings that are older than the latest one by more than `rules.bridge` wait in the same way. If they agree, the
+        later stamps were wrong or the clock of the rig was set back, and the later readings are removed. A second
+        source with another clock, or a clock that starts at 1970 for a moment, must not remove good readings.
+        Therefore, if the sonde's time is known, the older readings must be nearer to the sonde's time than the latest
+        reading is. If it is unknown, they must continue the movement of an accepted reading before them, or come for
+        at least the time `rules.bridge` without a reading of the later clock in between.
         """
         if not valid or not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
             self.refused_null += 1

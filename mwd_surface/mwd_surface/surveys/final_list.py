@@ -377,7 +377,7 @@ def _contradiction(run: str, surveys: Sequence[Survey]) -> list[str]:
     return [
         (
             f"the azimuths by multi-station analysis of {run} contradict the azimuths of the list, {where}: the "
-            "analysis does not know a field from outside the string, so its azimuths and their sigmas are not valid"
+            "analysis does not model a field from outside the string, so its azimuths and their sigmas are not valid"
         )
     ]
 

@@ -232,7 +232,8 @@ def _vertical_scale(name: str, stations: _CourseStations, tortuosity: float) -> 
     s_inc = np.sin(stations.inclination)
     scale = np.ones(s_inc.size)
     if name.startswith("SAGE"):
-        # Only this weight, sin(inclination)**0.25, decreases near the vertical more slowly than the inclination itself.
+        # SAGE is the only term whose weight, sin(inclination)**0.25, decreases more slowly than the inclination when
+        # the hole becomes vertical.
         low = s_inc < math.sin(_NEXT_TO_VERTICAL)
         scale[low] = (np.maximum(s_inc[low], 0.0) / math.sin(_NEXT_TO_VERTICAL)) ** 0.25
         scale[s_inc < mc.VERTICAL] = 0.0

@@ -136,7 +136,7 @@ def test_a_witsml_trajectory_is_a_plan(tmp_path):
     ("data", "says"),
     [
         (b"<a>", "not well-formed XML"),
-        (b"<a/>", "line 1: there is no trajectory of WITSML"),
+        (b"<a/>", "line 1: the document has no trajectory of WITSML"),
         (document(station(0, 0, 0)), "a plan needs at least two stations, got 1"),
         (document(station(0, 0, 0), station("NaN", 0, 0)), "line 6: md: expected a finite number, got 'NaN'"),
         (document(station(0, 0, 0), station(9, 0, 0, "furlong")), "md in 'furlong'"),

@@ -56,7 +56,7 @@ def test_what_is_not_finite_or_comes_from_a_clock_that_went_back_is_left_out():
 def test_an_unknown_way_to_combine_or_no_room_is_refused_in_words():
     with pytest.raises(ValueError, match="max or angle, got 'sum'"):
         StripHistory({"a": "sum"})
-    with pytest.raises(ValueError, match="room for one row"):
+    with pytest.raises(ValueError, match="at least one row"):
         StripHistory({"a": "mean"}, seconds=0.1, rate=1.0)
 
 

@@ -8,8 +8,9 @@ azimuth is this angle plus the error of the declination, and a gyro measures the
 give its mean and variance (Kalman update). In the density of the azimuth, each point is moved by the mean and smeared
 by the variance.
 
-If the error of the declination changed the predicted field, it would move the field along a straight line. A large
-error moves the field along a circle, so the readings would seem to exclude such an error.
+The error of the declination is not one of the errors by which the predicted field changes (`field_model`). There, a
+change is a slope, so it would move the field along a straight line. A large error of the declination moves the field
+along a circle, and the readings would seem to exclude it.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ from mwd_sensors.core.compiled import compiled
 _LEAST = 1e-10
 # Largest covariance of independent errors by rounding, rad uT or rad^2.
 _INDEPENDENT = 1e-12
-# Convolutions are computed for a geometric series of error variances: its first one, rad^2, and its ratio. For a
-# variance between two of them, their results are mixed.
+# Densities are convolved with normal errors whose variances form a geometric series: its first variance, rad^2, and the
+# ratio of two successive ones. For a variance between two of them, their results are averaged with weights.
 _EXACT, _RATIO = 1e-8, 1.25
 # Means and sigmas of errors that differ by less than this are the same, rad.
 _SAME = 1e-9
@@ -134,9 +135,9 @@ def _fill_errors(
     """
     Fill the error of the declination at every probable angle by filter and state of the gyro, shape (3, n, m, 3).
 
-    errors: probability, mean of the error, rad, and its variance as the power in `_kept`. A fraction of this power is
-    the part of the probability that the next power smears. The errors under all external fields are merged. errors
-    must be zero before; the inputs are those of `azimuth_density`.
+    errors: probability, mean of the error, rad, and its variance as the power p of `_RATIO` (see `_kept`). A p of 3.2
+    means that 0.8 of the probability is smeared by power 3, and 0.2 by power 4. The errors under all external fields
+    are merged. errors must be zero before the call; the inputs are those of `azimuth_density`.
     """
     phi, gyro = circle_of
     r, S = terms
@@ -188,9 +189,10 @@ def _add_points(
     """
     Add all points to the densities of the azimuth before the convolution; between two angles they are interpolated.
 
-    places (n,): steps of the circle at the angles; density (n, m, 3): of the angle; turn and smear (n, m, 3): as from
-    `_fill_errors`, smear less the power of the first convolution; parts (3, g, `circle.STEPS`): probability of each
-    azimuth, by state of the gyro and convolution; filled (3, g): set to True where a probability was added.
+    places (n,): steps of the circle at the angles; density (n, m, 3): of the angle; turn (n, m, 3): mean of the error,
+    rad, from `_fill_errors`; smear (n, m, 3): its power, from `_fill_errors`, minus the power of the first of the g
+    convolutions; parts (3, g, `circle.STEPS`): probability of each azimuth, by state of the gyro and convolution;
+    filled (3, g): set to True where a probability was added.
     """
     steps, count = parts.shape[2], len(places)
     a_step = 6.283185307179586 / steps

@@ -39,9 +39,9 @@ from mwd_sensors.core.compiled import compiled
 
 # A filter always keeps at least this share of its prior probability, so that later stations can make it probable again.
 _FLOOR = 1e-3
-# Smallest share that updates the states: a point of the grid of azimuths is left out if its share is below this
-# fraction of the largest share of its filter, and a second filter (`_branched`) if its share is below this fraction of
-# that of its first filter.
+# Smallest share that updates the states. A point of the grid of azimuths is left out if its share is less than this
+# fraction of the largest share in its filter. A filter for a changed string (`_branched`) is left out if its share is
+# less than this fraction of the share of the filter from which it was made.
 _LEAST = 1e-4
 # A filter with a lower probability on the coarse grid is not evaluated on the fine grid.
 _HOPELESS = 1e-6
@@ -55,9 +55,9 @@ _IMPOSSIBLE = -50.0
 _NEVER = math.log(1e-300)
 # Probability above which a state of the gyro counts as the state at a station. Later stations use these counts.
 _DECIDED = 0.9
-# Limits of the ratio of two variances: with the stations after this one, and without any station. Where the ratio
-# exceeds the upper limit in every filter, these stations say nothing about that axis, and it is not used as an
-# observation.
+# Limits of the ratio of two variances of a combination of errors: its variance after the later stations, divided by its
+# variance before any station. If the ratio is above the upper limit in every filter, the later stations give no
+# information about this combination, and `between` does not use it as an observation.
 _KNOWN, _UNKNOWN = 1e-9, 0.99
 # Indices of the errors that the string causes; they get new values when the string is changed.
 _STRING = [*range(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3), Shared.FIELD_RATE]
@@ -258,7 +258,7 @@ class RunFilter:
         size, axes = np.clip(size[..., :used], _KNOWN, _UNKNOWN), np.swapaxes(axes[..., :used], -1, -2)
         value = (axes @ (second.mean.reshape(-1, count, SIZE) / scale)[..., None])[..., 0] / (1.0 - size)
         noise, H = size / (1.0 - size), np.ascontiguousarray(axes * (unit / scale)[:, None, :])
-        # Update of each filter before with each filter after of the same kind.
+        # Update each filter of this model with the filter of `later` for the same hypothesis, for all pairs of cases.
         cases = len(noise)
         mean = np.repeat(first.mean.reshape(-1, 1, count, SIZE), cases, axis=1)
         covariance = np.repeat(first.covariance.reshape(-1, 1, count, SIZE, SIZE), cases, axis=1)
@@ -284,10 +284,10 @@ class RunFilter:
 
     def _meet(self, later: RunFilter) -> tuple[Array, Array]:
         """
-        Move the gyro errors of this model and of `later` to the age of this model.
+        Predict the gyro errors of this model and of `later` at one time: the time of the last seek in this model.
 
-        Returns the prior variances, shape (k, 23), in squares of the nominal sigmas of `later`, and the weights of the
-        filters, shape (k,), at this age. later: as in `between`.
+        Returns the prior variances at this time, shape (k, 23), in squares of the nominal sigmas of `later`, and the
+        prior weights of the filters at this time, shape (k,). later: as in `between`.
         """
         variance, prior, adrift = later.filters.variance.copy(), self.filters.weight.copy(), self.filters.adrift
         lasting = self.state.lasting if math.isfinite(self.state.lasting) else later.state.lasting
@@ -302,7 +302,7 @@ class RunFilter:
         return variance, prior / prior.sum()
 
     def merge(self) -> None:
-        """Merge the parts of each filter that `between` returned, so that time can pass and stations be learned."""
+        """Merge the parts of each filter that `between` returned; `pass_time` and `learn` need one part per filter."""
         state = self.state
         self._join(np.exp(state.log_weight)[:, None], state.mean[:, None], state.covariance[:, None])
 

@@ -382,7 +382,7 @@ class McapFile:
             return None
         end = self.size - tail
         if not 0 < start <= end:
-            raise FormatError("the summary's place is wrong")
+            raise FormatError("the end of the file states a wrong position of the summary")
         data = self.read(start, end - start)
         if crc and zlib.crc32(foot[:25], zlib.crc32(data)) != crc:
             raise FormatError("the summary's checksum does not match")

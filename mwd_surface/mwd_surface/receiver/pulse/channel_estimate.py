@@ -115,7 +115,7 @@ def pulse_columns(train: Array, shapes: Array) -> Array:
     turned, columns = np.ascontiguousarray(shapes.T).ravel(), np.zeros(n * c)
     for i in range(n):
         if abs(train[i]) > 1e-4:
-            # All components of all samples in one run, for which the compiler works on several values at once.
+            # One loop over all components of all samples, because the compiler then computes several values at once.
             first, end = max(i - BEFORE, 0), min(i - BEFORE + m, n)
             size, out, pulse = train[i], columns[c * first : c * end], turned[c * (first - i + BEFORE) :]
             for k in range(len(out)):

@@ -100,7 +100,7 @@ class ReceivedTransmission:
         self._pending = Reception()
         self.begin, self.score = position, found.score  #: position and score of the sync
         self.second = 0.0  #: score of another sync that begins during the first one
-        #: Number of passes of sequences so far; number of the first of them among all that are published.
+        #: Number of passes of sequences so far; number of passes that were published before the first of them.
         self.frames = self.base = 0
         self.published = False  #: whether words of this hypothesis were published
         self.sent = False  #: whether the tool has sent all that follows a sync, because it sends surveys only

@@ -21,6 +21,9 @@ def test_the_margin_of_another_pulse_width_is_what_it_turns_out_to_be(heard, oth
     measured = np.mean([frame.ebn0_db for frame in reception(other).frames])
     assert found[float(other)] == pytest.approx(measured, abs=1.5)
     assert list(found.values()) == sorted(found.values(), reverse=True)
+    # Pulses show the channel at the frequencies of widths up to 2.5 times longer or shorter, and say nothing of others.
+    expected = [width for width in pulse_widths.WIDTHS_S if 0.39 < width / float(heard) < 2.51]
+    assert list(found) == expected
 
 
 def test_nothing_heard_has_no_channel():

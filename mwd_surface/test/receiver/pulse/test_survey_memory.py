@@ -109,6 +109,17 @@ def test_an_erased_word_is_chosen_by_the_surveys_before_and_marked():
     assert azimuth.status == ERASED
 
 
+@pytest.mark.parametrize(("heard", "status"), [(0.79, BY_CONSISTENCY), (0.85, ERASED)])
+def test_one_word_in_twenty_may_be_unrelated_to_the_survey_before(heard, status):
+    """An inclination 45 deg off is overruled if it is four times as probable as the expected one, but not six times."""
+    memory = SurveyMemory(TOOL, at_once)
+    memory.settle(survey())
+    words = survey(tuple(code + 7 for code in CODES), 0.999, frame=1)
+    near = ((CODES[0] + 7, 0.9999 - heard),)
+    words[0] = dataclasses.replace(words[0], raw=CODES[0] + 1024, confidence=heard, status=ERASED, alternatives=near)
+    assert memory.settle(words)[0].status == status
+
+
 def test_gravity_is_known_before_any_survey():
     words = survey()
     right = TOOL.table["Grav"].code(0.9995, 12)
