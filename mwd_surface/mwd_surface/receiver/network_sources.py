@@ -296,7 +296,7 @@ class _Format:
         """Return times since the first row, s (None without times), and pressures, Pa; NaN where unknown."""
         rows = [self._cells(line) for line in lines]
         numbers = _numbers(_column(rows, self._layout.pressure), self._mark, self._layout.unit)
-        pressure, _ = pressure_table.in_pascal(numbers, self._layout.unit)
+        pressure, _ = pressure_table.in_pascal(numbers, self._layout.unit, self._layout.name)
         if self._stamps is None or self._layout.time is None:
             return None, pressure
         cells = _column(rows, self._layout.time)

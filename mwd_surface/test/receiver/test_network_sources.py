@@ -65,6 +65,13 @@ def test_lines_give_the_samples_that_a_file_of_them_gives(tmp_path, head, separa
     assert_as_in_a_file(tmp_path / "p.csv", "\n".join([*([head] if head else []), *rows, ""]), columns, pieces)
 
 
+def test_a_signal_is_scaled_by_the_range_in_its_name_as_in_a_file(tmp_path):
+    rows = [f"{t:.2f},{4.0 + 16.0 * p / 3.5e7:.7f}" for t, p in zip(TIME, PRESSURE, strict=True)]
+    text = "\n".join(["time_s,SPP 4-20 mA (0-350 bar)", *rows, ""])
+    assert_as_in_a_file(tmp_path / "p.csv", text)
+    np.testing.assert_allclose(from_pipe(text)[2], PRESSURE, atol=10.0)
+
+
 @pytest.mark.parametrize(
     ("rows", "columns"),
     [
