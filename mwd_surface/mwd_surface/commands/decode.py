@@ -83,7 +83,8 @@ def decode(
     receiver = receivers.receiver_of(configuration)
     got = _received(receiver, read, counted)
     if configuration.code == "mary" and not any(w.status == BELIEVED for w in got.words):
-        width = other_width.sent_width(configuration, read.time_s, read.pressure_pa, counted)
+        with terminal.progress("searching another pulse width") as progress:
+            width = other_width.sent_width(configuration, read.time_s, read.pressure_pa, counted, progress)
         if width is not None:
             terminal.warn(f"{other_width.sentence(configuration, width)}; the file is decoded with {width:.3g} s")
             configuration = dataclasses.replace(configuration, pulse_width_s=width)
