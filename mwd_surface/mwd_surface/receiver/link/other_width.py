@@ -21,7 +21,7 @@ from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.pulse import sync_search
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.pulse.pulse_widths import WIDTHS_S
-from mwd_surface.receiver.words import BELIEVED, Reception
+from mwd_surface.receiver.words import BELIEVED, ReceivedWord, Reception
 
 # Duration of pressure that is tried after flow-on, s: a survey of 133 s with 0.8 s pulses takes 332 s with 2 s pulses.
 _TRIED_S = 900.0
@@ -131,14 +131,42 @@ def sent_tool(
     return best
 
 
-def _longest_flow(time_s: Array, pressure_pa: Array) -> float:
-    """Return when the longest flow began, s; the first time if no flow-on is seen."""
+def unread_flow(
+    tool: ToolConfiguration, time_s: Array, pressure_pa: Array, words: Sequence[ReceivedWord]
+) -> tuple[float, float] | None:
+    """
+    Return begin and end, s, of the longest flow without a believed word that was long enough for a survey.
+
+    Return None if there is no such flow. words: words decoded from the pressure; other arguments as in `sent_tool`.
+    """
+    needed_s = tool.transmit_delay_s + tool.head_s + tool.seconds(tool.surveys[0])
+    believed = [word.start_s for word in words if word.status == BELIEVED]
+    unread = [
+        (begin, end)
+        for begin, end in _flows(time_s, pressure_pa)
+        if end - begin > needed_s and not any(begin <= at < end for at in believed)
+    ]
+    return max(unread, key=lambda one: one[1] - one[0], default=None)
+
+
+def during(flow: tuple[float, float], time_s: Array) -> Array:
+    """Return which samples belong to a flow, from before its begin on; flow: begin and end, s."""
+    return np.asarray((time_s >= flow[0] - _BEFORE_S) & (time_s < flow[1]))
+
+
+def _flows(time_s: Array, pressure_pa: Array) -> list[tuple[float, float]]:
+    """Return begin and end, s, of each flow whose begin the pressure shows."""
     flow = FlowSpans()
     flow.push(time_s, pressure_pa)
     ends = [*(span.start_s for span in flow.spans[1:]), float(time_s[-1])]
     # If the last span without flow has not ended, its end is inf, and no flow follows it.
-    flows = [(end - span.end_s, span.end_s) for span, end in zip(flow.spans, ends, strict=False)]
-    return max((one for one in flows if math.isfinite(one[1])), default=(0.0, float(time_s[0])))[1]
+    return [(one.end_s, end) for one, end in zip(flow.spans, ends, strict=False) if math.isfinite(one.end_s)]
+
+
+def _longest_flow(time_s: Array, pressure_pa: Array) -> float:
+    """Return when the longest flow began, s; the first time if no flow-on is seen."""
+    longest = max(_flows(time_s, pressure_pa), key=lambda one: one[1] - one[0], default=(float(time_s[0]),))
+    return longest[0]
 
 
 def sentence(tool: ToolConfiguration, width_s: float) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.simulator.mud_channel import MudChannel, WellGeometry
-from mwd_sensors.simulator.pulse_tool import link_run, transmit
+from mwd_sensors.simulator.pulse_tool import SentTransmission, link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.link import other_width
 from mwd_surface.receiver.link.other_width import OtherWidth, other_widths, sent_tool, sent_width
@@ -76,6 +76,23 @@ def test_the_configuration_with_most_believed_words_is_found_not_the_first_one_w
     monkeypatch.setattr(other_width, "received_with", received)
     found = sent_tool(HERE, time_s, value, {}, USUAL_SYNCS[:1], ("even", "odd"))
     assert (found.parity, round(found.pulse_width_s, 3)) == ("odd", 0.36)
+
+
+def test_a_flow_without_words_is_found_in_which_the_tool_has_another_width():
+    """As after a change of the width by downlink: the words of the first flow are believed, none of the second."""
+    spans = ((-100.0, 20.0), (100.0, 120.0))
+    first, second = (dataclasses.replace(HERE, pulse_width_s=width) for width in (0.5, 0.8))
+    sent = transmit(first, ((20.0, 100.0),), 5), transmit(second, ((120.0, 230.0),), 6)
+    both = SentTransmission(sent[0].words + sent[1].words, np.concatenate([one.pulses for one in sent]))
+    channel = MudChannel(well=WellGeometry(depth_m=2000.0), flow_off_s=spans)
+    run = link_run(channel, both, 230.0, 5)
+    got = other_width.received_with(HERE, run.time_s, run.pressure_pa, {})
+    begin, end = other_width.unread_flow(HERE, run.time_s, run.pressure_pa, got.words)
+    assert (begin, end) == (pytest.approx(120.0, abs=5.0), pytest.approx(230.0, abs=5.0))
+    inside = other_width.during((begin, end), run.time_s)
+    assert sent_width(HERE, run.time_s[inside], run.pressure_pa[inside], {}) == pytest.approx(0.8, rel=2e-3)
+    early = run.time_s < 110.0
+    assert other_width.unread_flow(HERE, run.time_s[early], run.pressure_pa[early], got.words) is None
 
 
 def test_a_search_tells_its_progress_and_ends_without_a_sync():
