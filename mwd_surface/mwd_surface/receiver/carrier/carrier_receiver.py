@@ -105,13 +105,15 @@ class CarrierReceiver(SampledReceiver):
             return "no words: there are no samples with rising times"
         if not self._markers:
             reason = (
-                f"no marker of this tool on {self._carrier.frequency_hz:g} Hz; check frequency_hz, symbol_rate_hz and"
-                " modulation of the tool configuration, and that the flow was on long enough"
+                f"no marker of this tool on {self._carrier.frequency_hz:g} Hz; either the signal is too weak, the flow"
+                " was not on long enough, or frequency_hz, symbol_rate_hz or modulation of the tool configuration is"
+                " wrong"
             )
         else:
             reason = (
-                f"{self._markers} times something like a marker was found, but no block with a correct check: there is "
-                "only noise, or the tool sends other sequences, words or block_bits than this configuration has"
+                f"{self._markers} times something like a marker was found, but no block with a correct check: the"
+                " signal is too weak, the tool does not send, or it sends other sequences, words or block_bits than"
+                " this configuration has"
             )
         return f"no words: {self._beside_line(reason)}"
 
