@@ -182,7 +182,7 @@ class LineSource(_OfStream):
         """
         lines = self._lines()
         if self._format is None:
-            self._head = [*self._head, *lines][-_LONGEST_HEAD:]
+            self._head += lines
             if not self._head or (len(self._head) < _HEAD_LINES and not self._stream.ended):
                 self._wrong = f"{len(self._head)} lines have arrived; {_HEAD_LINES} are needed to recognise the format"
                 return np.zeros(0), np.zeros(0)
@@ -191,6 +191,8 @@ class LineSource(_OfStream):
                 self._format = _Format(table, self._said)
             except ValueError as error:
                 self._wrong, self._names = str(error), None
+                # Forget lines only now: the names may stand above a block of many lines that arrive at once.
+                self._head = self._head[-_LONGEST_HEAD:]
                 return np.zeros(0), np.zeros(0)
             lines, self._head = table[self._format.names :], []
         else:
