@@ -236,8 +236,8 @@ def unknown_key(key: str, known: Mapping[str, Any] | typing.Iterable[str], path:
 
 
 def _all_of(names: Sequence[str]) -> str:
-    """Return the names as text if there are few, otherwise the blocks of settings (first parts of the names)."""
-    if len(names) <= _MOST_NAMES:
+    """Return the names as text if they are few or not in blocks, otherwise the blocks (first parts of the names)."""
+    if len(names) <= _MOST_NAMES or not any("." in name for name in names):
         return f"known: {', '.join(names)}"
     blocks = dict.fromkeys(name.partition(".")[0] for name in names)
     return f"settings begin with {', '.join(blocks)}"

@@ -140,18 +140,19 @@ class MtReader:
         """
         Advance the unit's time by the ticks of a packet; return the interval of the packet's increments, s.
 
-        The interval is NaN for the first packet, and if it is not between `_FASTEST_S` and `_SLOWEST_S`.
+        The interval is NaN for the first packet, and if it is not between `_FASTEST_S` and `_SLOWEST_S`. A unit that
+        restarts counts from 0 again; the time then begins at 0.
         """
-        packets = 1
-        if count is not None and self._count >= 0:
-            packets = (count - self._count) % 65536
-            self.counters.lost += max(packets - 1, 0)
-        self._count = -1 if count is None else count
-        if self._ticks < 0:
-            self._ticks = ticks
-            return math.nan
-        step = (ticks - self._ticks) % _WRAP
+        before, self._count = self._count, -1 if count is None else count
+        step, first = (ticks - self._ticks) % _WRAP, self._ticks < 0
         self._ticks = ticks
+        if first or step > _WRAP // 2:
+            self._time_ns = 0
+            return math.nan
+        packets = 1
+        if count is not None and before >= 0:
+            packets = (count - before) % 65536
+            self.counters.lost += max(packets - 1, 0)
         self._time_ns += step * _TICK_NS
         interval = step * _TICK_NS * 1e-9 / max(packets, 1)
         return interval if _FASTEST_S <= interval <= _SLOWEST_S else math.nan

@@ -100,6 +100,10 @@ class Splitter:
         found = []
         for one in whole:
             plain = _of_line(one) if self.text else _of_frame(one)
+            if plain is None and self.text and (begin := one.rfind(b"$")) > 0:
+                # Noise, or a line whose end was lost, stands before a line.
+                plain = _of_line(one[begin:])
+                self.counters.broken += plain is not None and self._begun
             if plain is not None:
                 self._count(plain[1])
                 found.append((plain[0], plain[2]))

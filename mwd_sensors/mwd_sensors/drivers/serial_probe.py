@@ -145,17 +145,21 @@ class SerialProbe:
             if isinstance(self._reader, polled_line.Master):
                 return self._polled(self._reader, data, moment, now_ns)
             if moment >= self._next_exchange:
-                awaited = self._settings.clock == "host" and self.clock.jumps < 0
+                awaited = self._settings.clock == "host" and not self.clock.known
                 self._next_exchange = moment + (_FIRST_S if awaited else _EXCHANGE_S)
                 self._exchange(now_ns)
         except OSError as error:
             self._lose(error)
             return []
-        found = []
+        found: list[UnitSample] = []
         for one in self._reader.take(data) if data else ():
             if isinstance(one, UnitAnswer):
                 self._take_answer(one, now_ns)
             elif 0 <= one.stamp_ns + self.offset_ns < _END_OF_TIME_NS:
+                if self._settings.clock == "host" and self.clock.hear(one.stamp_ns):
+                    # Ask for the time of the new start at once.
+                    self._next_exchange = 0.0
+                    found.clear()
                 found.append(one)
                 self._note(one)
             else:
@@ -201,7 +205,7 @@ class SerialProbe:
     def clock_known(self) -> bool:
         """Whether samples can be stamped: True unless the offset from unit time to host time is needed and unknown."""
         timed = self._settings.protocol != "polled" or polled_line.TIME in self._frame.quantities
-        return not timed or self._settings.clock == "unit" or self.clock.jumps >= 0
+        return not timed or self._settings.clock == "unit" or self.clock.known
 
     def stream(self, on: bool) -> bool:
         """
@@ -310,6 +314,9 @@ _SLEW = 5e-4  # largest change of the offset per elapsed time, s/s
 # over at least _LASTING_NS. Otherwise messages were delayed in a busy host: they arrive all at once or with varying
 # delay.
 _STEP_NS, _AGREEING, _ALIKE_NS, _LASTING_NS = 200_000_000, 3, 50_000_000, 2_500_000_000
+# A sample this much older than an earlier one comes from a unit that has restarted. Units that send the samples of each
+# sensor in blocks stay within a second.
+_RESTART_NS = 2_000_000_000
 
 
 class UnitClock:
@@ -318,10 +325,26 @@ class UnitClock:
     def __init__(self) -> None:
         self.offset_ns = 0  #: offset in force; 0 before it is known
         self.jumps = -1  #: number of times that the offset changed at once; -1 before it is known
+        self.known = False  #: whether the offset is that of the unit's present start
         self._seen: collections.deque[int] = collections.deque(maxlen=_KEPT)
         # Host time and offset of recent observations that differ from the present offset but agree with each other.
         self._off: list[tuple[int, int]] = []
-        self._last_ns = self._unit_ns = 0
+        self._last_ns = self._unit_ns = self._newest_ns = 0
+
+    def hear(self, unit_ns: int) -> bool:
+        """
+        Record the stamp of a sample; return whether it shows that the unit has restarted.
+
+        The offset is then not known until several observations agree, because the offset of the earlier start would
+        give stamps that are wrong by the time for which the unit had been running.
+        """
+        restarted = self.known and unit_ns < self._newest_ns - _RESTART_NS
+        if restarted:
+            self.known = False
+            self._seen.clear()
+            self._off.clear()
+        self._newest_ns = unit_ns if restarted else max(self._newest_ns, unit_ns)
+        return restarted
 
     def observe(self, unit_ns: int, host_ns: int, on_the_way_ns: int = 0) -> None:
         """
@@ -334,9 +357,9 @@ class UnitClock:
         on_the_way_ns is a known delay, such as half of the duration of an exchange, ns.
         """
         offset = host_ns - on_the_way_ns - unit_ns
-        known, restarted = self.jumps >= 0, unit_ns < self._unit_ns - _STEP_NS
+        restarted = unit_ns < self._unit_ns - _STEP_NS
         self._unit_ns = unit_ns
-        if not known:
+        if not self.known:
             self._agree(host_ns, offset)
             if len(self._off) < _AGREEING:
                 return
@@ -375,4 +398,4 @@ class UnitClock:
         self._off.clear()
         self._seen.append(offset)
         self.jumps += 1
-        self.offset_ns = offset
+        self.offset_ns, self.known, self._newest_ns = offset, True, self._unit_ns

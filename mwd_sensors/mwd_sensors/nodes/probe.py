@@ -142,9 +142,9 @@ class ProbeNode(GraphNode[LineSettings]):
     def _clock_diagnostic(self, probe: SerialProbe) -> Diagnostic:
         if self.settings.clock == "unit":
             return Diagnostic("clock", OK, "stamps are those of the unit")
-        if probe.clock_known and probe.clock.jumps < 0:
+        if probe.clock_known and not probe.clock.known:
             return Diagnostic("clock", OK, "stamps are those of request and reply")
-        if probe.clock.jumps < 0:
+        if not probe.clock.known:
             message = "the offset of the unit's clock is not known yet; no samples are published until then"
             return Diagnostic("clock", WARN, message, "check that the unit answers `time`")
         values = (("offset", f"{probe.clock.offset_ns * 1e-9:.6f}"), ("jumps", str(probe.clock.jumps)))

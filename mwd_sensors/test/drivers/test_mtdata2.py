@@ -40,6 +40,15 @@ def test_time_runs_on_over_the_end_of_its_counter_and_over_lost_packets():
     assert got[1].values == pytest.approx(MOTION.values, rel=1e-12)
 
 
+def test_a_unit_that_restarts_counts_its_time_and_its_packets_from_the_start():
+    reader, sample = MtReader(), UnitSample("imu/data_raw", 0, (0.1, 0.0, 0.0, 9.8, 0.0, 0.0))
+    before = [packet(sample, 0.01, 36_000_000 + 100 * k, 500 + k) for k in range(5)]
+    after = [packet(sample, 0.01, 100 * k, k) for k in range(3)]
+    stamps = [one.stamp_ns for one in reader.take(b"".join(before + after))]
+    assert stamps == [10_000_000, 20_000_000, 30_000_000, 40_000_000, 10_000_000, 20_000_000]
+    assert reader.counters.lost == 0
+
+
 def test_clip_flags_and_self_test_reach_the_status():
     reader = MtReader()
     good = item(mtdata2.STATUS, struct.pack(">I", 1))

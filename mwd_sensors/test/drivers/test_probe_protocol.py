@@ -65,6 +65,14 @@ def test_a_bit_that_the_line_turns_is_seen_in_every_place(text, bit):
         assert 2 <= len(got) <= 4
 
 
+@pytest.mark.parametrize("before", [b"\x80\xfe noise $ and *", sample(WARM, 1, text=True)[:20]])
+def test_bytes_before_a_line_of_text_cost_no_other_line(before):
+    lines = [sample(UnitSample("imu/temperature", k, (21.5,)), k, text=True) for k in range(3)]
+    reader = ProbeReader(text=True)
+    assert [one.stamp_ns for one in reader.take(lines[0] + before + lines[1] + lines[2])] == [0, 1, 2]
+    assert (reader.counters.frames, reader.counters.broken) == (3, 1)
+
+
 def test_a_gap_of_the_counter_counts_what_is_missing():
     reader = ProbeReader(False)
     reader.take(b"".join(sample(WARM, counter, False) for counter in (250, 255, 2)))

@@ -13,9 +13,9 @@ import pytest
 import yaml
 
 from mwd_sensors.core import burst, input_covariance, wire
-from mwd_sensors.drivers import polled_line, probe_protocol, serial_probe
+from mwd_sensors.drivers import mtdata2, polled_line, probe_protocol, serial_probe
 from mwd_sensors.drivers.emulator import NAME, XSENS_FIELD_T, Emulator
-from mwd_sensors.drivers.readings import LAYOUTS, UnitSample, readings_of, samples_of
+from mwd_sensors.drivers.readings import LAYOUTS, UnitAnswer, UnitSample, readings_of, samples_of
 from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe, UnitClock, polled_frame
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
@@ -237,6 +237,58 @@ def test_the_offset_of_a_unit_whose_first_answers_are_off_is_known_once_it_stays
     assert clock.jumps == -1
     observed(clock, 3, 20, 5.0)
     assert (clock.jumps, clock.offset_ns) == (0, 5_000_000_000)
+
+
+class WithoutDelay:
+    """A line whose bytes arrive at once; a pseudo terminal delivers them some time later."""
+
+    def __init__(self):
+        self.data, self.taken = b"", os.open(os.devnull, os.O_WRONLY)
+
+    @property
+    def in_waiting(self):
+        return len(self.data)
+
+    def read(self, _size):
+        data, self.data = self.data, b""
+        return data
+
+    def write(self, data):
+        return os.write(self.taken, data)
+
+    def fileno(self):
+        return self.taken
+
+    def close(self):
+        os.close(self.taken)
+
+
+@pytest.mark.parametrize("protocol", ["binary", "ascii", "xsens"])
+def test_no_sample_of_a_unit_that_restarts_has_the_stamp_of_its_earlier_start(protocol, monkeypatch):
+    """After 3 s a unit that has run for an hour is without power for half a second; samples come before its time."""
+    line, got = WithoutDelay(), []
+    monkeypatch.setattr(serial_probe.serial, "Serial", lambda *_, **__: line)
+    probe = SerialProbe(LineSettings(protocol=protocol))
+    for k in range(600):
+        host_ns = START + k * 10_000_000
+        unit_ns = 3_600_000_000_000 + k * 10_000_000 if k < 300 else (k - 350) * 10_000_000
+        if protocol == "xsens":
+            one = UnitSample("imu/data_raw", 0, (0.1, 0.0, 0.0, 9.8, 0.0, 0.0))
+            line.data = mtdata2.packet(one, 0.01, unit_ns // 100_000, unit_ns // 10_000_000)
+        else:
+            one = UnitSample("imu/temperature", unit_ns, (50.0,))
+            line.data = probe_protocol.sample(one, k, protocol == "ascii")
+            if k % 40 == 39:
+                answer = UnitAnswer("time", sent_ns=host_ns, unit_ns=unit_ns)
+                line.data += probe_protocol.answer(answer, k, protocol == "ascii")
+        if not 300 <= k < 350:
+            got += [(one.stamp_ns + probe.offset_ns - host_ns, k) for one in probe.poll(host_ns)]
+    probe.close()
+    late, at = np.array(got).T
+    assert abs(late).max() < 50_000_000
+    assert probe.clock.jumps == 1
+    assert at.min() < 130
+    assert np.sum(at > 350) > 100
 
 
 def test_the_time_of_the_emulated_unit_runs_before_and_between_its_samples():

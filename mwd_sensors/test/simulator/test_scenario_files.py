@@ -39,6 +39,8 @@ def test_a_path_does_as_well_and_an_unknown_name_gets_its_near_misses(checkout, 
     assert scenario_files.find(str(tmp_path / "own.yaml")) == tmp_path / "own.yaml"
     with pytest.raises(SettingsError, match="defualt: no such scenario or file; did you mean default"):
         scenario_files.find("defualt")
+    with pytest.raises(SettingsError, match=r"no such scenario or file; known: .*demo"):
+        scenario_files.find("xyz")
 
 
 def test_without_any_the_way_out_is_named(checkout, monkeypatch, tmp_path):

@@ -83,7 +83,8 @@ def decode(
     receiver = receivers.receiver_of(configuration)
     got = _received(receiver, read, counted)
     if configuration.code == "mary" and not any(w.status == BELIEVED for w in got.words):
-        width = other_width.sent_width(configuration, read.time_s, read.pressure_pa, counted)
+        with terminal.progress("searching another pulse width") as progress:
+            width = other_width.sent_width(configuration, read.time_s, read.pressure_pa, counted, progress)
         if width is not None:
             terminal.warn(f"{other_width.sentence(configuration, width)}; the file is decoded with {width:.3g} s")
             configuration = dataclasses.replace(configuration, pulse_width_s=width)
@@ -93,7 +94,28 @@ def decode(
     _print_words(got, wired)
     if not any(word.status == BELIEVED for word in got.words):
         terminal.warn(receiver.why_nothing())
+    elif configuration.code == "mary":
+        _warn_of_unread(configuration, read, counted, got)
     terminal.tell(f"written: {output}/{names} ({read.origin})")
+
+
+def _warn_of_unread(
+    configuration: ToolConfiguration, read: PressureFile, strokes: dict[int, Array], got: Reception
+) -> None:
+    """Warn of a flow from which no word is believed, although words of other flows are; name the pulse width there."""
+    from mwd_surface.receiver.link import other_width
+
+    flow = other_width.unread_flow(configuration, read.time_s, read.pressure_pa, got.words)
+    if flow is None:
+        return
+    inside = other_width.during(flow, read.time_s)
+    with terminal.progress("searching another pulse width") as progress:
+        width = other_width.sent_width(configuration, read.time_s[inside], read.pressure_pa[inside], strokes, progress)
+    part = f"no word from {flow[0]:.0f} to {flow[1]:.0f} s is believed, with the flow on"
+    if width is None:
+        terminal.warn(f"{part}; the tool may have been silent, too weak, or set to another pulse width")
+    else:
+        terminal.warn(f"{part}: there the tool sends pulses of {width:.3g} s; decode the file with this width, too")
 
 
 def _received(receiver: Receiver, read: PressureFile, strokes: dict[int, Array]) -> Reception:

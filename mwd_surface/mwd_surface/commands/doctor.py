@@ -49,6 +49,8 @@ def doctor(
 
         configuration = tool_configuration.read(tool) if tool is not None else None
         link = "mud_pulse" if configuration is None else configuration.link
+        if configuration is not None and configuration.code == "serial":
+            raise ValueError("--tool: a tool on a serial line sends bytes, not a pressure; check them with mwd decode")
         results = examine_pressure(pressure_files.read(file, gauge, topic, link, columns), configuration)
         _show(results)
     else:
@@ -61,7 +63,8 @@ def doctor(
 
         methods = "; ".join(f"{method.name} ({method.doc})" for method in gravity.METHODS.values())
         terminal.tell(f"gravity methods: {methods}")
-    terminal.tell("everything needed is present" if not missing else f"{missing} things are missing")
+    present = "everything needed is present" if file is None else "no check of the file failed"
+    terminal.tell(present if not missing else f"{missing} things are missing")
     raise typer.Exit(1 if missing else 0)
 
 

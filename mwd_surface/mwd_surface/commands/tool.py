@@ -121,7 +121,8 @@ def _lines_on(read: ToolConfiguration, file: Path, columns: str) -> list[str]:
         raise ValueError(f"--on: {read.code} sends no pulses; omit it")
     pressure = pressure_files.read(file, columns=columns)
     syncs = list(dict.fromkeys((read.sync, *USUAL_SYNCS)))
-    found = other_width.sent_tool(read, pressure.time_s, pressure.pressure_pa, {}, syncs, ("even", "odd"))
+    with terminal.progress(f"searching {file.name}") as progress:
+        found = other_width.sent_tool(read, pressure.time_s, pressure.pressure_pa, {}, syncs, ("even", "odd"), progress)
     if found is None:
         text = (
             f"{file.name}: no words of these sequences with any usual pulse width, sync and parity; check the sequences"

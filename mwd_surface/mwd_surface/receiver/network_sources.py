@@ -183,7 +183,7 @@ class LineSource(_OfStream):
         """
         lines = self._lines()
         if self._format is None:
-            self._head = [*self._head, *lines][-_LONGEST_HEAD:]
+            self._head += lines
             if not self._head or (len(self._head) < _HEAD_LINES and not self._stream.ended):
                 self._wrong = f"{len(self._head)} lines have arrived; {_HEAD_LINES} are needed to recognise the format"
                 return np.zeros(0), np.zeros(0)
@@ -192,6 +192,8 @@ class LineSource(_OfStream):
                 self._format = _Format(table, self._said)
             except ValueError as error:
                 self._wrong, self._names = str(error), None
+                # Forget lines only now: the names may stand above a block of many lines that arrive at once.
+                self._head = self._head[-_LONGEST_HEAD:]
                 return np.zeros(0), np.zeros(0)
             lines, self._head = table[self._format.names :], []
         else:
@@ -297,7 +299,7 @@ class _Format:
         """Return times since the first row, s (None without times), and pressures, Pa; NaN where unknown."""
         rows = [self._cells(line) for line in lines]
         numbers = _numbers(_column(rows, self._layout.pressure), self._mark, self._layout.unit)
-        pressure, _ = pressure_table.in_pascal(numbers, self._layout.unit)
+        pressure, _ = pressure_table.in_pascal(numbers, self._layout.unit, self._layout.name)
         if self._stamps is None or self._layout.time is None:
             return None, pressure
         cells = _column(rows, self._layout.time)

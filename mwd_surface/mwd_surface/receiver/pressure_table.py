@@ -34,9 +34,9 @@ from mwd_surface.receiver import json_columns, table_times
 _TITLES = 100  # lines of titles above the names
 _HEAD = 20_000  # bytes in which names, units and the first rows stand
 _FULL_SCALE = 1.0e7  # pressure at 20 mA of a gauge whose range is not known, Pa
-# Current loop of 4 to 20 mA: current at no pressure, its increase up to full pressure, and current below which the wire
-# is broken (NAMUR), A.
-_LIVE_ZERO, _SPAN, _BROKEN = 4e-3, 16e-3, 3.6e-3
+# A current outside of 3.6 to 21 mA signals a failed gauge (NAMUR NE 43): shares of the ends of 4 to 20 mA. A range that
+# begins at 0 has no lowest signal.
+_FAILED_LOW, _FAILED_HIGH = 3.6 / 4.0, 21.0 / 20.0
 _UNITS = {
     "pa": 1.0,
     "kpa": 1e3,
@@ -59,6 +59,7 @@ PRESSURES = {
     "mv": 1e-3,
     "ma": 1e-3,
 }
+_SIGNALS = ("v", "mv", "ma")  # units of signals of a gauge
 _SAID = ("date", "time", "pressure", "pump", "rate", "decimal", "tag", "value")
 _DECIMAL_MARKS = {"comma": ",", "point": "."}
 _TIME = re.compile(
@@ -95,6 +96,53 @@ _GROUPED = r"^[+-]?\d{1,3}(?:[.,'’   ]\d{3})+(?:[.,]\d*)?$"
 _CLOCK = r"\d{1,2}:\d{2}(:\d{2}([.,:]\d*)?)?( ?[AaPp]\.?[Mm]\.?)?"
 _DIGITS = r"\d{3,6}(\.\d*)?"  # a clock HHMMSS next to a date
 _HIGHEST = 3.0e8  # pressure that no rig exceeds, Pa
+
+
+_NUMBER_IN_NAME = r"(?<![\w,])(?<!\d\.)[+-]?\d+(?:,\d{3}(?!\d))*(?:[.,]\d+)?"
+# A range such as "0-350 bar" or "0 bar to 350 bar", or only its upper end, "350 bar": two numbers and a unit.
+_RANGE_IN_NAME = re.compile(
+    rf"(?:({_NUMBER_IN_NAME})\s*[a-z]*\s*(?:-|\u2013|\u2026|\.{{2,3}}|~|\bto\b|\bbis\b)\s*)?"
+    rf"({_NUMBER_IN_NAME})\s*([a-z][a-z0-9/²]*)",
+    re.IGNORECASE,
+)
+_CURRENT = re.compile(r"\b4\s*(?:-|\u2013|to)\s*20\b|\bmA\b")
+
+
+class GaugeSignal(NamedTuple):
+    """
+    Scale of a gauge that sends a current or a voltage.
+
+    low, high: ends of its range in `unit`, "ma", "mv" or "v"; low_pa, high_pa: pressures at these ends, Pa, NaN if
+    unknown.
+    """
+
+    low: float = 4.0
+    high: float = 20.0
+    unit: str = "ma"
+    low_pa: float = math.nan
+    high_pa: float = math.nan
+
+
+def gauge_signal(name: str) -> GaugeSignal | None:
+    """
+    Return the scale that the name of a column states, such as "SPP 4-20 mA (0-350 bar)".
+
+    Return None if the name states neither a range of a current or voltage nor "mA".
+    """
+    name = name.replace("_", " ")
+    signal = GaugeSignal() if _CURRENT.search(name) else None
+    low_pa = high_pa = math.nan
+    for first, last, text in _RANGE_IN_NAME.findall(name):
+        low, high, unit = _number_in_name(first or "0"), _number_in_name(last), _unit(text)
+        if low < high and unit in _SIGNALS and first:
+            signal = GaugeSignal(low, high, unit)
+        elif low < high and unit in PRESSURES and unit not in _SIGNALS:
+            low_pa, high_pa = low * PRESSURES[unit], high * PRESSURES[unit]
+    return None if signal is None else signal._replace(low_pa=low_pa, high_pa=high_pa)
+
+
+def _number_in_name(text: str) -> float:
+    return float(re.sub(r",(?=\d{3}(?!\d))", "", text).replace(",", "."))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -183,8 +231,15 @@ def read_pressure(path: Path, gauge: int, columns: Mapping[str, str]) -> tuple[A
         notes.append(f"{file.skipped} lines are not rows of this table, such as comments, and are left out")
     if file.tag:
         notes.append(f"the file has rows of several tags; only the rows of {file.tag!r} are read")
-    pressure, said = in_pascal(pressure, column.unit)
+    values = pressure
+    pressure, said = in_pascal(values, column.unit, column.name)
     notes += said
+    if np.isfinite(pressure).sum() * 2 < np.isfinite(values).sum():
+        raise ValueError(
+            f"{path}: most values of the column {column.name!r} are not in the range of its signal (median"
+            f" {np.nanmedian(values):.4g}); if they are pressures, name their unit, such as --columns"
+            f" pressure_bar={column.name}"
+        )
     if time.size and time[0] > 365.0 * 86_400.0:
         return time - time[0], pressure, f"first time of the file ({times[-1].name})", tuple(notes)
     return time, pressure, origin, tuple(notes)
@@ -212,12 +267,17 @@ def read_numbers(path: Path, columns: Mapping[str, str]) -> tuple[Array, Array]:
 
 
 class LiveColumns(NamedTuple):
-    """Places of time and pressure in a line, from 0, and their units; the unit of the time is "" if unknown."""
+    """
+    Places of time and pressure in a line, from 0, and their units; the unit of the time is "" if unknown.
+
+    name: name of the column of pressure, "" if unknown; it may state the range of the gauge.
+    """
 
     time: int | None
     time_unit: str
     pressure: int
     unit: str
+    name: str = ""
 
 
 def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumns | None:
@@ -261,7 +321,7 @@ def live_columns(names: Sequence[str], columns: Mapping[str, str]) -> LiveColumn
     if place < 0 or unit not in PRESSURES:
         return None
     time, time_unit = places.get("time", (None, ""))
-    return LiveColumns(time, time_unit, place, unit)
+    return LiveColumns(time, time_unit, place, unit, names[place] if place < len(names) else "")
 
 
 def untagged(row: Mapping[str, str]) -> dict[str, str]:
@@ -408,7 +468,8 @@ class _TableFile:
             own = _words(self._table.names[k], self._table.units[k])[1]
             return _Column(k, self._table.names[k], unit or own)
         if name.isdecimal() and 1 <= int(name) <= len(names):
-            return _Column(int(name) - 1, name, unit)
+            k = int(name) - 1
+            return _Column(k, name if self.headless else self._table.names[k], unit)
         raise ValueError(f"--columns {name}: {self.path} has no such column; it has {', '.join(self._table.names)}")
 
     def missing(self, quantity: str, what: str) -> str:
@@ -723,15 +784,18 @@ def mark_of(cells: Iterable[str], others: Iterable[Cell], unit: str, said: str) 
     )
 
 
-def in_pascal(values: Array, unit: str) -> tuple[Array, list[str]]:
+def in_pascal(values: Array, unit: str, name: str = "") -> tuple[Array, list[str]]:
     """
     Return pressures, Pa, of numbers in a unit of `PRESSURES`, and notes; NaN where there is no pressure.
 
-    A signal in V or mV is returned in V instead of Pa; a current of 4 to 20 mA is scaled by the usual range of a
-    gauge (`_FULL_SCALE`).
+    A current or a voltage is scaled by the range of the gauge that the name states (`gauge_signal`). Without a range, a
+    current is scaled by a usual one (`_FULL_SCALE`), and a voltage is returned in V instead of Pa.
     """
-    if unit == "ma":
-        return _of_current(values * PRESSURES["ma"])
+    signal = gauge_signal(name)
+    if signal is None or signal.unit != unit:
+        signal = GaugeSignal(unit=unit)
+    if unit == "ma" or math.isfinite(signal.low_pa):
+        return _of_signal(values, signal)
     with np.errstate(over="ignore"):
         pressure = values * PRESSURES[unit]
     return np.where(np.isfinite(pressure), pressure, math.nan), []
@@ -809,17 +873,14 @@ def _all_units(cells: Any) -> set[str]:
     return {_unit(text or "") for text in cells.unique().to_pylist()} - {""}
 
 
-_CURRENT = re.compile(r"\b4\s*(?:-|\u2013|to)\s*20\b|\bmA\b")
-
-
 def _words(name: str, unit: str) -> tuple[str, str]:
     """Return the words of a name in lower case without its unit, and the unit ("" if there is none)."""
     brackets = re.findall(r"[(\[{]([^)\]}]*)[)\]}]?", name)
     words = " ".join(_MARKS.sub(" ", re.sub(r"[(\[{][^)\]}]*[)\]}]?", " ", name)).lower().split())
     own = [_unit(one) for one in (unit, *brackets) if _unit(one)]
-    if _CURRENT.search(name):
-        # A unit of pressure next to that of the current belongs to the range of the gauge, as in "4-20 mA (0-350 bar)".
-        own = ["ma"]
+    if (signal := gauge_signal(name)) is not None:
+        # A unit of pressure next to that of the signal belongs to the range of the gauge.
+        own = [signal.unit]
     # The unit may be the last word, or follow the name and a dot as in LAS.
     first, _, last = words.replace(".", " ").rpartition(" ")
     if not own and first and (last in table_times.UNITS or last in PRESSURES):
@@ -873,12 +934,30 @@ def _of_good_quality(pressure: Array, quality: Any) -> tuple[Array, list[str]]:
     return np.where(lost, math.nan, pressure), [note] if lost.any() else []
 
 
-def _of_current(current: Array) -> tuple[Array, list[str]]:
-    """Return the pressure, Pa, from a loop current, A, with the usual range, and notes; NaN for a broken wire."""
-    broken = current < _BROKEN
-    notes = [
-        f"a current of 4 to 20 mA: the range of the gauge is not known, {_FULL_SCALE / 1e5:g} bar is assumed at 20 mA"
-    ]
+def _of_signal(values: Array, signal: GaugeSignal) -> tuple[Array, list[str]]:
+    """Return the pressure, Pa, of signals in the unit of the scale, and notes; NaN where the gauge has failed."""
+    unit = {"v": "V", "mv": "mV", "ma": "mA"}[signal.unit]
+    said = f"a signal of {signal.low:g} to {signal.high:g} {unit}"
+    if math.isnan(signal.low_pa):
+        signal = signal._replace(low_pa=0.0, high_pa=_FULL_SCALE)
+        note = (
+            f"{said}: the range of the gauge is not known, {_FULL_SCALE / 1e5:g} bar is assumed at {signal.high:g}"
+            f' {unit}; write the range into the name of the column, such as "SPP 4-20 mA (0-350 bar)"'
+        )
+    else:
+        note = f"{said} is read as {signal.low_pa / 1e5:.6g} to {signal.high_pa / 1e5:.6g} bar, as the column is named"
+    notes = [note]
+    low, high = _FAILED_LOW * signal.low, _FAILED_HIGH * signal.high
+    broken = (values < low) & (signal.low > 0.0)
+    failed = broken | (values > high)
     if broken.any():
-        notes.append(f"{int(broken.sum())} samples are below 3.6 mA, which means a broken wire, and count as missing")
-    return np.where(broken, math.nan, (current - _LIVE_ZERO) / _SPAN * _FULL_SCALE), notes
+        notes.append(
+            f"{int(broken.sum())} samples are below {low:.3g} {unit}, which means a broken wire, and count as missing"
+        )
+    if (values > high).any():
+        notes.append(
+            f"{int((values > high).sum())} samples are above {high:.3g} {unit}, which means a failed gauge, and count"
+            " as missing"
+        )
+    share = (values - signal.low) / (signal.high - signal.low)
+    return np.where(failed, math.nan, signal.low_pa + share * (signal.high_pa - signal.low_pa)), notes

@@ -9,6 +9,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.carrier.carrier_receiver import least_rate
 from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.pressure_files import PressureFile
 from mwd_surface.receiver.pulse.pulse_receiver import LEAST_PER_TU
@@ -19,19 +20,27 @@ _LEAST_PA = 3.0e5
 # Largest power of the rounding errors relative to the power of the noise from sample to sample. A gauge with larger
 # rounding errors hides weak pulses.
 _ROUNDING = 0.1
-_BAR = 1.0e5
+# Unit in which the size of the samples is shown, and its factor: a pressure, or the voltage of a tool without pulses in
+# the mud.
+_UNITS = {True: ("bar", 1.0e5), False: ("V", 1.0)}
 
 
 def examine_pressure(read: PressureFile, tool: ToolConfiguration | None = None) -> list[CheckResult]:
     """
     Run all checks of a pressure file; return their results, in the order in which problems should be fixed.
 
+    The voltage of a tool that sends through the earth or by a coil has neither the size of a standpipe pressure nor the
+    start of the pumps, so these checks are left out.
+
     Parameters
     ----------
     tool : ToolConfiguration, optional
         Tool whose telemetry the file should contain.
     """
-    results = [_rate(read.time_s, tool), _size(read.pressure_pa), _resolution(read.pressure_pa), _flow(read, tool)]
+    in_mud = tool is None or tool.medium == "mud"
+    results = [_rate(read.time_s, tool), *([_size(read.pressure_pa)] if in_mud else [])]
+    results.append(_resolution(read.pressure_pa, *_UNITS[in_mud]))
+    results += [_flow(read, tool)] if in_mud else []
     results += [note("data", text) for text in read.notes]
     return results
 
@@ -44,24 +53,35 @@ def _rate(time: Array, tool: ToolConfiguration | None) -> CheckResult:
     narrowest = 2.0 * LEAST_PER_TU / rate
     state = (
         f"{len(time)} samples in {time[-1] - time[0]:.0f} s, {rate:.4g} a second, intervals equal within "
-        f"{100 * spread:.0f} %: enough for pulses of {narrowest:.2g} s and longer"
+        f"{100 * spread:.0f} %"
     )
-    if tool is not None and tool.code == "mary" and tool.pulse_width_s < narrowest * (1.0 - 1e-6):
+    if tool is not None and tool.code == "psk":
+        carrier = tool.carrier
+        needed = least_rate(carrier)
+        if rate < needed * (1.0 - 1e-6):
+            return missing("sample rate", state, f"record {needed:.3g} samples a second or more")
+        return ok("sample rate", f"{state}: enough for the carrier of {carrier.frequency_hz:g} Hz")
+    state = f"{state}: enough for pulses of {narrowest:.2g} s and longer"
+    if tool is not None and tool.pulse_width_s < narrowest * (1.0 - 1e-6):
         needed = 2.0 * LEAST_PER_TU / tool.pulse_width_s
         return missing("sample rate", state, f"record {needed:.3g} samples a second or more")
     return ok("sample rate", state)
 
 
 def _size(pressure: Array) -> CheckResult:
-    low, middle, high = (float(value) / _BAR for value in np.percentile(pressure, (1, 50, 99)))
+    bar = _UNITS[True][1]
+    low, middle, high = (float(value) / bar for value in np.percentile(pressure, (1, 50, 99)))
     state = f"median {middle:.4g} bar, most values from {low:.4g} to {high:.4g} bar"
-    if high * _BAR < _LEAST_PA:
-        remedy = "check the unit, and name the column by it: pressure_bar, pressure_psi, pressure_kpa or pressure_mpa"
+    if high * bar < _LEAST_PA:
+        remedy = (
+            "check the unit, and name the column by it: pressure_bar, pressure_psi, pressure_kpa or pressure_mpa; if it"
+            " is the voltage of an EM tool, name the configuration of the tool with --tool"
+        )
         return note("size", f"{state}: this is too low for a standpipe", remedy)
     return ok("size", state)
 
 
-def _resolution(pressure: Array) -> CheckResult:
+def _resolution(pressure: Array, unit: str, scale: float) -> CheckResult:
     steps = np.diff(np.unique(pressure))
     if len(steps) == 0:
         return missing("resolution", "all samples are equal", "check the gauge and its cable")
@@ -70,7 +90,7 @@ def _resolution(pressure: Array) -> CheckResult:
     step = float(np.percentile(steps, 5))
     differences = np.diff(pressure)
     noise = 1.4826 * float(np.median(np.abs(differences - np.median(differences)))) / math.sqrt(2.0)
-    state = f"steps of {step / _BAR:.3g} bar, noise from sample to sample {noise / _BAR:.3g} bar"
+    state = f"steps of {step / scale:.3g} {unit}, noise from sample to sample {noise / scale:.3g} {unit}"
     if step**2 / 12.0 > _ROUNDING * noise**2 and len(steps) < len(pressure) // 2:
         remedy = "use a gauge or converter with a smaller range or more bits; rounding hides weak pulses"
         return note("resolution", state, remedy)

@@ -65,6 +65,22 @@ def test_lines_give_the_samples_that_a_file_of_them_gives(tmp_path, head, separa
     assert_as_in_a_file(tmp_path / "p.csv", "\n".join([*([head] if head else []), *rows, ""]), columns, pieces)
 
 
+def test_the_names_above_a_long_block_of_lines_are_read():
+    """A logger that sends its buffer, or a file on standard input: thousands of lines arrive with the names."""
+    lines = "".join(f"{0.02 * k:.2f},{200.0 + k % 7}\n" for k in range(5000))
+    stream = Pieces("time_s,pressure_bar\n" + lines)
+    times, pressures = LineSource(stream, {}, time.monotonic).read()
+    assert len(times) == 5000
+    assert pressures[:2] == pytest.approx([2.0e7, 2.01e7])
+
+
+def test_a_signal_is_scaled_by_the_range_in_its_name_as_in_a_file(tmp_path):
+    rows = [f"{t:.2f},{4.0 + 16.0 * p / 3.5e7:.7f}" for t, p in zip(TIME, PRESSURE, strict=True)]
+    text = "\n".join(["time_s,SPP 4-20 mA (0-350 bar)", *rows, ""])
+    assert_as_in_a_file(tmp_path / "p.csv", text)
+    np.testing.assert_allclose(from_pipe(text)[2], PRESSURE, atol=10.0)
+
+
 @pytest.mark.parametrize(
     ("rows", "columns"),
     [

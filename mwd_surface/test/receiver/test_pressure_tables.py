@@ -252,7 +252,7 @@ def test_samples_under_stamps_of_a_second_are_spread_evenly(read, first):
     assert "spread evenly" in notes(found)
 
 
-@pytest.mark.parametrize("name", ["loop (mA)", "SPP 4-20 mA (0-350 bar)", "pressure 4 to 20 (bar)", "spp_ma"])
+@pytest.mark.parametrize("name", ["loop (mA)", "SPP 4-20 mA", "pressure 4 to 20 (bar)", "spp_ma"])
 def test_a_current_loop_has_the_shape_of_the_pressure_and_a_broken_wire_is_missing(read, name):
     current = 4.0 + 16.0 * (PRESSURE - 1.9e7) / 2e6
     current[9] = 0.02
@@ -260,6 +260,44 @@ def test_a_current_loop_has_the_shape_of_the_pressure_and_a_broken_wire_is_missi
     assert np.corrcoef(found.pressure_pa, np.delete(PRESSURE, 9))[0, 1] == pytest.approx(1.0, abs=1e-6)
     assert "4 to 20 mA" in notes(found)
     assert "broken wire" in notes(found)
+
+
+@pytest.mark.parametrize(
+    ("name", "signal", "full_pa"),
+    [
+        ("SPP 4-20 mA (0-350 bar)", (4.0, 20.0), 3.5e7),
+        ("SPP (0-5,000 psi) 4-20mA", (4.0, 20.0), 5000 * 6894.757293168),
+        ("SPP_4-20mA_(0-35_MPa)", (4.0, 20.0), 3.5e7),
+        ("SPP 4..20 mA 0..250 kg/cm2", (4.0, 20.0), 250 * 98_066.5),
+        ("P1 4 to 20 mA, 0 bar to 350 bar", (4.0, 20.0), 3.5e7),
+        ("loop (mA) 400 barg", (4.0, 20.0), 4e7),
+        ("SPP 0-20 mA (0-400 bar)", (0.0, 20.0), 4e7),
+        ("SPP 1-5 V (0-35000 kPa)", (1.0, 5.0), 3.5e7),
+        ("SPP 0-100 mV (0-350 bar)", (0.0, 100.0), 3.5e7),
+    ],
+)
+def test_a_signal_is_scaled_by_the_range_of_the_gauge_in_the_name(read, name, signal, full_pa):
+    """Below 1.9e7 Pa the pumps are off: a signal near the lower end is no failure of the gauge."""
+    pressure = np.where(np.arange(COUNT) < 100, 0.0, PRESSURE)
+    sent = signal[0] + (signal[1] - signal[0]) * pressure / full_pa
+    found = read(table(f"time_s;{name}", lambda k, t, _p: f"{t};{sent[k]:.9f}"))
+    np.testing.assert_allclose(found.pressure_pa, pressure, atol=100.0)
+    assert "as the column is named" in notes(found)
+
+
+def test_a_current_above_its_range_is_a_failed_gauge(read):
+    current = 4.0 + 16.0 * PRESSURE / 3.5e7
+    current[20:30] = 22.5
+    found = read(table("time_s,SPP 4-20 mA (0-350 bar)", lambda k, t, _p: f"{t},{current[k]:.6f}"))
+    np.testing.assert_allclose(found.pressure_pa, np.delete(PRESSURE, np.s_[20:30]), atol=100.0)
+    assert "10 samples are above 21 mA" in notes(found)
+
+
+def test_pressures_in_a_column_named_as_a_current_are_not_scaled_as_a_current(read):
+    rows = table("time_s,SPP 4-20 mA (0-350 bar)", lambda k, t, _p: f"{t},{PRESSURE[k] / 1e5:.9f}")
+    with pytest.raises(ValueError, match="pressure_bar="):
+        read(rows)
+    assert_same(read(rows, columns="time_s=1,pressure_bar=2"))
 
 
 def in_bar(head):

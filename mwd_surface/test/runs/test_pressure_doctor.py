@@ -5,6 +5,7 @@ import dataclasses
 
 import numpy as np
 
+from mwd_sensors.telemetry.carrier import Carrier
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.pressure_files import PressureFile
 from mwd_surface.runs.doctor import CheckLevel
@@ -44,3 +45,18 @@ def test_a_file_in_which_no_pump_starts_and_notes_of_the_data_are_named():
     found = levels(steady)
     assert found["flow"] == CheckLevel.NOTE
     assert found["data"] == CheckLevel.NOTE
+
+
+def test_the_samples_of_a_carrier_are_judged_by_its_frequency():
+    siren = ToolConfiguration(code="psk", carrier=Carrier(frequency_hz=12.0, symbol_rate_hz=2.5))
+    assert levels(GOOD, siren)["sample rate"] == CheckLevel.OK
+    slow = dataclasses.replace(GOOD, time_s=TIME[::5], pressure_pa=PRESSURE[::5])
+    assert levels(slow, siren)["sample rate"] == CheckLevel.MISSING
+
+
+def test_the_voltage_of_a_tool_in_the_earth_is_not_judged_as_a_standpipe_pressure():
+    tool = ToolConfiguration(code="psk", carrier=Carrier(medium="earth", frequency_hz=6.0))
+    voltage = 1e-4 * np.random.default_rng(2).normal(size=len(TIME))
+    results = examine_pressure(dataclasses.replace(GOOD, pressure_pa=voltage), tool)
+    assert {result.level for result in results} == {CheckLevel.OK}
+    assert not any("bar" in result.state.split() for result in results)

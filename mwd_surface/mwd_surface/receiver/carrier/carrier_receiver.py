@@ -61,6 +61,11 @@ class _Pass:
     failed: int = 0
 
 
+def least_rate(sent: air.Carrier) -> float:
+    """Return the lowest number of samples per second that the receiver of a carrier needs."""
+    return _LEAST * (sent.frequency_hz + sent.symbol_rate_hz)
+
+
 class CarrierReceiver(SampledReceiver):
     """Receiver of a tool that sends on a carrier."""
 
@@ -100,13 +105,15 @@ class CarrierReceiver(SampledReceiver):
             return "no words: there are no samples with rising times"
         if not self._markers:
             reason = (
-                f"no marker of this tool on {self._carrier.frequency_hz:g} Hz; check frequency_hz, symbol_rate_hz and"
-                " modulation of the tool configuration, and that the flow was on long enough"
+                f"no marker of this tool on {self._carrier.frequency_hz:g} Hz; either the signal is too weak, the flow"
+                " was not on long enough, or frequency_hz, symbol_rate_hz or modulation of the tool configuration is"
+                " wrong"
             )
         else:
             reason = (
-                f"{self._markers} times something like a marker was found, but no block with a correct check: there is "
-                "only noise, or the tool sends other sequences, words or block_bits than this configuration has"
+                f"{self._markers} times something like a marker was found, but no block with a correct check: the"
+                " signal is too weak, the tool does not send, or it sends other sequences, words or block_bits than"
+                " this configuration has"
             )
         return f"no words: {self._beside_line(reason)}"
 
@@ -115,11 +122,11 @@ class CarrierReceiver(SampledReceiver):
         return f"{self._line}; {reason}" if self._line else reason
 
     def _check(self, spacing_s: float) -> None:
-        top = self._carrier.frequency_hz + self._carrier.symbol_rate_hz
-        if spacing_s * _LEAST * top > 1.0:
+        least = least_rate(self._carrier)
+        if spacing_s * least > 1.0:
             raise ValueError(
                 f"there are {1.0 / spacing_s:.3g} samples a second; a carrier of {self._carrier.frequency_hz:g} Hz"
-                f" needs {_LEAST * top:.3g} or more"
+                f" needs {least:.3g} or more"
             )
 
     def _advance(self, done: Reception) -> None:

@@ -9,8 +9,9 @@ A width is accepted when a word is believed with it, which requires a sync and p
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.pulse import sync_search
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.pulse.pulse_widths import WIDTHS_S
-from mwd_surface.receiver.words import BELIEVED, Reception
+from mwd_surface.receiver.words import BELIEVED, ReceivedWord, Reception
 
 # Duration of pressure that is tried after flow-on, s: a survey of 133 s with 0.8 s pulses takes 332 s with 2 s pulses.
 _TRIED_S = 900.0
@@ -31,6 +32,9 @@ _BEFORE_S = 20.0
 _LEAST_SCORE = 14.0
 # Widths relative to the estimated one that are tried; the clock of the receiver follows half a percent.
 _NEAR = (1.0, 1.006, 0.994)
+# Share of the words that must be believed for a guess to end the search. With a wrong parity a few words of a hundred
+# may be believed.
+_CLEAR = 0.5
 _SAME = 0.01  # largest relative difference between an estimated width and the same configured width
 
 
@@ -64,14 +68,18 @@ def received_with(
 
 
 def sent_width(
-    tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array]
+    tool: ToolConfiguration,
+    time_s: Array,
+    pressure_pa: Array,
+    strokes: Mapping[int, Array],
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> float | None:
     """
     Return the pulse width of the tool, s, if it differs from the configured width; else None.
 
-    Arguments as in `believed_with`.
+    Arguments as in `sent_tool`.
     """
-    found = sent_tool(tool, time_s, pressure_pa, strokes, (tool.sync,))
+    found = sent_tool(tool, time_s, pressure_pa, strokes, (tool.sync,), progress=progress)
     if found is None or abs(found.pulse_width_s / tool.pulse_width_s - 1.0) < _SAME:
         return None
     return found.pulse_width_s
@@ -84,6 +92,7 @@ def sent_tool(
     strokes: Mapping[int, Array],
     syncs: Sequence[Sync],
     parities: Sequence[str] = (),
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> ToolConfiguration | None:
     """
     Return the configuration whose width, sync and parity give most believed words; None without believed words.
@@ -97,36 +106,67 @@ def sent_tool(
         Syncs to try.
     parities : sequence of str
         Parities to try; by default the parity of the tool.
+    progress : callable
+        Called with the share of the search that is done.
     """
     on_s = _longest_flow(time_s, pressure_pa)
     first = (time_s >= on_s - _BEFORE_S) & (time_s < on_s + _TRIED_S)
     time_s, pressure_pa = time_s[first], pressure_pa[first]
     best, most = None, 0
-    for guess in sync_search.guesses(tool, time_s, pressure_pa, syncs):
-        # A later guess has a lower score, so it is tried only if no earlier guess gives believed words.
-        if best is not None or guess.score < _LEAST_SCORE:
+    for guess in sync_search.guesses(tool, time_s, pressure_pa, syncs, progress):
+        if guess.score < _LEAST_SCORE:
             break
-        for parity in parities or (tool.parity,):
-            for share in _NEAR:
-                one = dataclasses.replace(guess.tool, pulse_width_s=guess.tool.pulse_width_s * share, parity=parity)
-                got = received_with(one, time_s, pressure_pa, strokes)
-                believed = sum(word.status == BELIEVED for word in got.words)
-                if believed > most:
-                    most, clock = believed, got.frames[-1].clock_error
-                    best = dataclasses.replace(one, pulse_width_s=one.pulse_width_s * (1.0 + clock))
-                if believed:
-                    break
+        sent = 0
+        for parity, share in itertools.product(parities or (tool.parity,), _NEAR):
+            one = dataclasses.replace(guess.tool, pulse_width_s=guess.tool.pulse_width_s * share, parity=parity)
+            got = received_with(one, time_s, pressure_pa, strokes)
+            believed = sum(word.status == BELIEVED for word in got.words)
+            sent = max(sent, len(got.words))
+            if believed > most:
+                most, clock = believed, got.frames[-1].clock_error
+                best = dataclasses.replace(one, pulse_width_s=one.pulse_width_s * (1.0 + clock))
+        # A later guess has a lower score, so it is tried only if this one does not explain the words.
+        if most > _CLEAR * sent:
+            break
     return best
 
 
-def _longest_flow(time_s: Array, pressure_pa: Array) -> float:
-    """Return when the longest flow began, s; the first time if no flow-on is seen."""
+def unread_flow(
+    tool: ToolConfiguration, time_s: Array, pressure_pa: Array, words: Sequence[ReceivedWord]
+) -> tuple[float, float] | None:
+    """
+    Return begin and end, s, of the longest flow without a believed word that was long enough for a survey.
+
+    Return None if there is no such flow. words: words decoded from the pressure; other arguments as in `sent_tool`.
+    """
+    needed_s = tool.transmit_delay_s + tool.head_s + tool.seconds(tool.surveys[0])
+    believed = [word.start_s for word in words if word.status == BELIEVED]
+    unread = [
+        (begin, end)
+        for begin, end in _flows(time_s, pressure_pa)
+        if end - begin > needed_s and not any(begin <= at < end for at in believed)
+    ]
+    return max(unread, key=lambda one: one[1] - one[0], default=None)
+
+
+def during(flow: tuple[float, float], time_s: Array) -> Array:
+    """Return which samples belong to a flow, from before its begin on; flow: begin and end, s."""
+    return np.asarray((time_s >= flow[0] - _BEFORE_S) & (time_s < flow[1]))
+
+
+def _flows(time_s: Array, pressure_pa: Array) -> list[tuple[float, float]]:
+    """Return begin and end, s, of each flow whose begin the pressure shows."""
     flow = FlowSpans()
     flow.push(time_s, pressure_pa)
     ends = [*(span.start_s for span in flow.spans[1:]), float(time_s[-1])]
     # If the last span without flow has not ended, its end is inf, and no flow follows it.
-    flows = [(end - span.end_s, span.end_s) for span, end in zip(flow.spans, ends, strict=False)]
-    return max((one for one in flows if math.isfinite(one[1])), default=(0.0, float(time_s[0])))[1]
+    return [(one.end_s, end) for one, end in zip(flow.spans, ends, strict=False) if math.isfinite(one.end_s)]
+
+
+def _longest_flow(time_s: Array, pressure_pa: Array) -> float:
+    """Return when the longest flow began, s; the first time if no flow-on is seen."""
+    longest = max(_flows(time_s, pressure_pa), key=lambda one: one[1] - one[0], default=(float(time_s[0]),))
+    return longest[0]
 
 
 def sentence(tool: ToolConfiguration, width_s: float) -> str:

@@ -109,6 +109,16 @@ class PulseReceiver(SampledReceiver):
         # Tolerance for the rounding of the interpolation between equal samples.
         if self._highest - self._lowest <= 1e-9 * abs(self._highest):
             return f"no words: the gauge is stuck at {self._highest / 1e5:.6g} bar"
+        longest, needed = self._longest_flow_s, self._tool.transmit_delay_s + self._tool.head_s
+        started = any(math.isfinite(span.end_s) for span in self._flow.spans)
+        if longest >= needed and not started and self._best < _CLEAR_SYNC:
+            # The words after a false sync say nothing about the signal.
+            return (
+                "no words: no sync of this tool in the pressure, which contains no start of the pumps, and the tool"
+                " sends its sync after they start; begin before the pumps start; if their start is contained, the"
+                f" signal is too weak for pulses of {self._tool.pulse_width_s:g} s, the tool does not send, or"
+                " pulse_width_s or sync of the tool configuration is wrong"
+            )
         # A wrong table lowers the energy of the words, but not the score of the sync.
         if self._reason and self._ebn0_db < _NEEDED_DB and self._best < _CLEAR_SYNC:
             return (
@@ -117,12 +127,15 @@ class PulseReceiver(SampledReceiver):
             )
         if self._reason:
             return f"no words believed: {self._reason}"
-        longest = self._longest_flow_s
-        if longest < self._tool.transmit_delay_s + self._tool.head_s:
+        if longest < needed:
             return (
-                f"no words: the flow was on for {longest:.0f} s at most, and the sync ends"
-                f" {self._tool.transmit_delay_s + self._tool.head_s:.0f} s after flow-on; keep the pumps on longer"
+                f"no words: the flow was on for {longest:.0f} s at most, and the sync ends {needed:.0f} s after"
+                " flow-on; keep the pumps on longer"
             )
+        return self._why_no_sequence()
+
+    def _why_no_sequence(self) -> str:
+        """Return the reason why no sequence was received although the flow was on long enough."""
         # Noise reaches this score somewhere in the pressure in about one recording of ten.
         chance = math.log(max(self._grid.end / STEPS_PER_TU * SAMPLES_PER_TU, 1.0)) + 2.0
         if self._best < max(chance, synchronisation.THRESHOLD):

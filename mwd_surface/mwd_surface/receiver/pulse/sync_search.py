@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -56,17 +56,26 @@ class _Syncs(PulseReceiver):
                     self.best = self.best._replace(score=found.score, at_s=self._grid.seconds(position))
 
 
-def guesses(tool: ToolConfiguration, time_s: Array, pressure_pa: Array, syncs: Sequence[Sync]) -> list[Guess]:
+def guesses(
+    tool: ToolConfiguration,
+    time_s: Array,
+    pressure_pa: Array,
+    syncs: Sequence[Sync],
+    progress: Callable[[float], None] = lambda _share: None,
+) -> list[Guess]:
     """
     Return configurations of other widths and syncs, the most probable first.
 
-    time_s, pressure_pa, shape (n,): rising times, s, and Pa.
+    time_s, pressure_pa, shape (n,): rising times, s, and Pa; progress: called with the share that is done.
     """
     count = math.ceil(math.log(_LONGEST_S / _SHORTEST_S) / math.log(_RATIO))
     widths = [_SHORTEST_S * _RATIO**k for k in range(count + 1)]
     found = []
-    for sync in syncs:
-        coarse = [_best(tool, sync, width, time_s, pressure_pa) for width in widths]
+    for number, sync in enumerate(syncs):
+        coarse = []
+        for k, width in enumerate(widths):
+            coarse.append(_best(tool, sync, width, time_s, pressure_pa))
+            progress((number + (k + 1) / len(widths)) / len(syncs))
         found += [_refined(one, time_s, pressure_pa) for one in _peaks(coarse)]
     return sorted(found, key=lambda one: -one.score)
 
@@ -87,9 +96,10 @@ def _refined(top: Guess, time_s: Array, pressure_pa: Array) -> Guess:
     near = (time_s > top.at_s - _BEFORE_S) & (time_s < top.at_s + 60.0 * middle)
     widths = middle * _FINE_RATIO ** np.arange(-_FINE, _FINE + 1.0)
     scores = np.array([_best(top.tool, top.tool.sync, one, time_s[near], pressure_pa[near]).score for one in widths])
-    weights = np.maximum(scores - (scores.max() - _LOWER), 0.0)
-    if not weights.sum() > 0.0:
+    if not math.isfinite(scores.max()):
+        # The noise before the sync is not the same in the pressure around it, so that no width has a sync there.
         return top
+    weights = np.maximum(scores - (scores.max() - _LOWER), 0.0)
     width = float(weights @ widths / weights.sum())
     return top._replace(tool=dataclasses.replace(top.tool, pulse_width_s=width))
 

@@ -62,6 +62,13 @@ def test_nothing_is_believed_in_noise_and_the_reason_is_said():
     assert "no words: " in receiver.why_nothing()
 
 
+@pytest.mark.parametrize("ebn0_db", [-4.0, -8.0])
+def test_a_weak_signal_is_named_as_a_possible_reason(ebn0_db):
+    got, receiver = decoded(TOOL, *white(TOOL, 6, ebn0_db)[1:])
+    assert not got.words
+    assert "too weak" in receiver.why_nothing()
+
+
 def test_another_table_of_words_is_not_believed():
     _, time, value = white(TOOL, 6, 12.0)
     other = dataclasses.replace(TOOL, survey_sequences=("Inc:12 Azm:12 DipA:12 Temp:8 Grav:12 MagF:12 BatV:9",))

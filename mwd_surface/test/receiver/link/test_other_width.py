@@ -2,15 +2,19 @@
 """Another pulse width in the tool: found by words that are believed with it, and by nothing else."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mwd_sensors.simulator.mud_channel import MudChannel, WellGeometry
-from mwd_sensors.simulator.pulse_tool import link_run, transmit
+from mwd_sensors.simulator.pulse_tool import SentTransmission, link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.link import other_width
 from mwd_surface.receiver.link.other_width import OtherWidth, other_widths, sent_tool, sent_width
+from mwd_surface.receiver.pulse import sync_search
 from mwd_surface.receiver.pulse.sync_search import USUAL_SYNCS
+from mwd_surface.receiver.words import BELIEVED, ERASED
 
 pytestmark = pytest.mark.slow(4)
 
@@ -53,6 +57,52 @@ def test_width_sync_and_parity_are_found_blindly(syncs):
     found = sent_tool(HERE, run.time_s, run.pressure_pa, {}, USUAL_SYNCS[:syncs], ("even", "odd"))
     assert found.pulse_width_s == pytest.approx(0.65, rel=2e-3)
     assert (found.sync, found.parity) == (sent.sync, "odd")
+
+
+def test_the_configuration_with_most_believed_words_is_found_not_the_first_one_with_any(monkeypatch):
+    """A wrong parity and a width that is slightly wrong may have a few believed words, before the right ones."""
+    time_s, value = np.arange(100.0), np.zeros(100)
+    rough = dataclasses.replace(HERE, pulse_width_s=0.362)
+    rows = [sync_search.Guess(rough, 50.0, 30.0), sync_search.Guess(HERE, 40.0, 30.0)]
+    monkeypatch.setattr(sync_search, "guesses", lambda *_: rows)
+
+    def received(tool, *_):
+        counts = {("even", 0.36): 5, ("odd", 0.36): 90, ("odd", 0.362): 6}
+        believed = counts.get((tool.parity, round(tool.pulse_width_s, 3)), 0)
+        statuses = [BELIEVED] * believed + [ERASED] * (100 - believed)
+        words = [SimpleNamespace(status=status) for status in statuses]
+        return SimpleNamespace(words=words, frames=[SimpleNamespace(clock_error=0.0)])
+
+    monkeypatch.setattr(other_width, "received_with", received)
+    found = sent_tool(HERE, time_s, value, {}, USUAL_SYNCS[:1], ("even", "odd"))
+    assert (found.parity, round(found.pulse_width_s, 3)) == ("odd", 0.36)
+
+
+def test_a_flow_without_words_is_found_in_which_the_tool_has_another_width():
+    """As after a change of the width by downlink: the words of the first flow are believed, none of the second."""
+    spans = ((-100.0, 20.0), (100.0, 120.0))
+    first, second = (dataclasses.replace(HERE, pulse_width_s=width) for width in (0.5, 0.8))
+    sent = transmit(first, ((20.0, 100.0),), 5), transmit(second, ((120.0, 230.0),), 6)
+    both = SentTransmission(sent[0].words + sent[1].words, np.concatenate([one.pulses for one in sent]))
+    channel = MudChannel(well=WellGeometry(depth_m=2000.0), flow_off_s=spans)
+    run = link_run(channel, both, 230.0, 5)
+    got = other_width.received_with(HERE, run.time_s, run.pressure_pa, {})
+    begin, end = other_width.unread_flow(HERE, run.time_s, run.pressure_pa, got.words)
+    assert (begin, end) == (pytest.approx(120.0, abs=5.0), pytest.approx(230.0, abs=5.0))
+    inside = other_width.during((begin, end), run.time_s)
+    assert sent_width(HERE, run.time_s[inside], run.pressure_pa[inside], {}) == pytest.approx(0.8, rel=2e-3)
+    early = run.time_s < 110.0
+    assert other_width.unread_flow(HERE, run.time_s[early], run.pressure_pa[early], got.words) is None
+
+
+def test_a_search_tells_its_progress_and_ends_without_a_sync():
+    """The pressure has a sync with the noise of the whole recording, and none with the noise around this sync."""
+    shares = []
+    time_s = np.arange(0.0, 60.0, 0.05)
+    value = 1.0e7 + 1e3 * np.random.default_rng(1).normal(size=len(time_s))
+    assert sent_tool(HERE, time_s, value, {}, USUAL_SYNCS[:2], (), shares.append) is None
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
 
 
 def test_a_recording_is_tried_from_the_flow_on_of_its_longest_flow():

@@ -282,6 +282,15 @@ def test_a_weak_signal_and_noise_are_not_blamed_on_the_configuration(seed):
         assert "sequences" not in said
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_recording_that_begins_during_a_transmission_is_not_blamed_on_the_signal_alone(seed):
+    """The words are strong, but their sync was sent before the recording begins."""
+    tool = dataclasses.replace(FAST, survey_sequences=("Inc:12:P Azm:12:P",), transmit_delay_s=20.0)
+    time, pressure = white(tool, transmit(tool, ((0.0, 200.0),), seed), 14.0, seed=seed)
+    late = time > 20.0 + tool.head_s
+    assert "contains no start of the pumps" in reason(tool, time[late], pressure[late])
+
+
 @pytest.mark.parametrize(
     "wrong", [{"parity": "odd"}, {"survey_sequences": ("Inc:10:P Azm:14:P Grav:10:P",)}, {"header_bits": 3}]
 )
