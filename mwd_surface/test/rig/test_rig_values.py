@@ -53,6 +53,14 @@ def test_silence_makes_values_stale_and_keeps_the_last_one():
     assert NOW_NS - v.stamp_ns == pytest.approx(S, abs=1000)
 
 
+def test_facts_of_the_rig_end_with_its_data():
+    """A rig that was in slips at its last sample was in slips, and its activity a connection, for ever."""
+    slips = rig_state(in_slips=True)
+    assert values(rig=slips).in_slips is True
+    old = values(rig=slips, later=100.0)
+    assert (old.in_slips, old.circulating) == (None, None)
+
+
 @pytest.mark.fault_case(57)
 def test_a_silent_sonde_is_no_link_and_an_accepted_survey_does_not_age_away():
     table = values(later=100.0)
