@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import errno
+import functools
 import importlib
 import io
+import math
 import os
 import sys
 from collections.abc import Iterator, Mapping
@@ -69,6 +71,30 @@ _MODULES = {
 _PASSING = ("replay", "node")
 
 
+def with_finite_numbers(command: Any) -> Any:
+    """
+    Return a command and its subcommands, which refuse NaN and infinity in place of a number.
+
+    NaN passes every comparison with a limit, so that a command would compute results from it without a word. An option
+    whose default is infinity, such as a duration, accepts infinity.
+    """
+    run = command.callback
+
+    @functools.wraps(run)
+    def checked(**arguments: Any) -> Any:
+        for parameter in command.params:
+            value = arguments.get(parameter.name)
+            if isinstance(value, float) and not math.isfinite(value) and value != parameter.default:
+                raise typer.BadParameter(f"'{value}' is not a valid float.", param_hint=f"'{parameter.opts[0]}'")
+        return run(**arguments)
+
+    if run is not None:
+        command.callback = checked
+    for below in getattr(command, "commands", {}).values():
+        with_finite_numbers(below)
+    return command
+
+
 class _Commands(Mapping[str, Any]):
     """Commands by name. The module of a command is imported, and the command is made, when it is first needed."""
 
@@ -96,7 +122,7 @@ class _Commands(Mapping[str, Any]):
                 alone.command(context_settings={"allow_extra_args": passes, "ignore_unknown_options": passes})(one)
                 command = typer.main.get_command(alone)
             command.name = name
-            self._made[name] = with_spoken_help(command)
+            self._made[name] = with_finite_numbers(with_spoken_help(command))
         return self._made[name]
 
     def source(self, name: str) -> Any:

@@ -73,6 +73,27 @@ def test_every_command_has_an_example(command):
     assert f"mwd {command}" in done.stdout
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("forecast", "plan.csv", "-o", "out", "--axial", "nan"),
+        ("forecast", "plan.csv", "-o", "out", "--lat", "nan", "--lon", "1"),
+        ("spacing", "--inclination", "60", "--azimuth", "inf", "--field", "50360,71.6,1"),
+        ("process", "run", "-o", "out", "--start", "nan"),
+        ("replay", "run", "--rate", "nan"),
+    ],
+)
+def test_no_command_takes_nan_or_infinity_for_a_number(words):
+    """`mwd forecast --axial nan` printed that no station would be accepted."""
+    done = mwd(*words)
+    assert done.returncode == 2
+    assert "is not a valid float" in done.stderr
+
+
+def test_no_list_of_numbers_has_nan_or_infinity():
+    refused(mwd("spacing", "--inclination", "60", "--azimuth", "85", "--field", "50360,nan,1"), "expected nT,dip")
+
+
 def test_the_version_is_printed_by_command_and_by_option():
     asked, option = mwd("version"), mwd("--version")
     assert option.returncode == 0

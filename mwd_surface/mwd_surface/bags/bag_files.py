@@ -603,6 +603,17 @@ class DatabaseFiles:
 _COMPUTED = {"VIRTUAL", "GENERATED", "AS"}
 
 
+def is_cut_off(path: Path) -> bool:
+    """Return whether an MCAP file of a recording lacks its last bytes, so that messages may be missing."""
+    for file in path.glob("*.mcap") if path.is_dir() else [path]:
+        if file.suffix == ".mcap":
+            with file.open("rb") as opened:
+                opened.seek(-len(MAGIC), os.SEEK_END)
+                if opened.read() != MAGIC:
+                    return True
+    return False
+
+
 def check_database(path: Path) -> None:
     """
     Refuse a database with views, virtual or computed tables, which can yield endless rows from a few hundred bytes.

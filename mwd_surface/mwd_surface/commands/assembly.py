@@ -211,7 +211,7 @@ def _numbers(option: str, text: str) -> list[float]:
     LOW is above HIGH, or there are too many values.
     """
     parts = numbers_in(text, ":" if ":" in text else ",")
-    if not parts or not all(math.isfinite(part) for part in parts) or (":" in text and len(parts) not in (2, 3)):
+    if not parts or (":" in text and len(parts) not in (2, 3)):
         raise ValueError(f"{option} {text}: expected LOW:HIGH, LOW:HIGH:STEP or numbers separated by commas")
     if ":" not in text:
         return parts

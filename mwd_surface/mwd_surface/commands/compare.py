@@ -126,7 +126,8 @@ def _show(found: Comparison, names: tuple[str, str], *, limited: bool) -> None:
         headings = ("nr", "depth m", "time s", "inclination deg", "azimuth deg", "toolface deg")
         table = terminal.table(headings, title="stations")
         for one in found.stations:
-            angles = (f"{one.differences[name]:+.4f}" for name in ("inclination_deg", "azimuth_deg", "toolface_deg"))
+            shown = ("inclination_deg", "azimuth_deg", "toolface_deg")
+            angles = ("-" if name in one.unknown else f"{one.differences[name]:+.4f}" for name in shown)
             table.add_row(one.sequence, one.measured_depth or "-", f"{one.stamp_difference_s:+.3f}", *angles)
         console.print(table)
     table = terminal.table(("", "samples", "mean deg", "rms deg", "largest deg"), title="samples")

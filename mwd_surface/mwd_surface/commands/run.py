@@ -289,7 +289,7 @@ def _show_scores(scored: list[Scored], convention: AngleConvention) -> None:
     from mwd_surface.commands.survey_table import COLOURS, narrow_table, show_actions
 
     if not scored:
-        terminal.tell("no survey was taken")
+        terminal.tell("no survey was recorded")
         return
     angle = convention.heading if convention.points else "incl"
     columns = ("nr", "depth m", angle, "error", "azi", "error", "sigma", "true", "uncorr", "corr", "verdict")

@@ -12,6 +12,7 @@ import dataclasses
 import datetime
 import functools
 import inspect
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
@@ -317,11 +318,12 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
 
 
 def numbers_in(text: str, separator: str = ",") -> list[float]:
-    """Return the numbers in a text, separated by commas or another separator; empty if a part is not a number."""
+    """Return the finite numbers in a text, separated by commas or another separator; empty if a part is not one."""
     try:
-        return [float(part) for part in text.split(separator)]
+        numbers = [float(part) for part in text.split(separator)]
     except ValueError:
         return []
+    return numbers if all(map(math.isfinite, numbers)) else []
 
 
 def field_figures(text: str) -> tuple[float, float, float | None]:

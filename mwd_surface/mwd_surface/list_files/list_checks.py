@@ -31,6 +31,11 @@ _DOGLEG = math.radians(30.0) / 30.0
 # A misfit of north and east above _NOTICED, m, is due to mixed units if a change of the unit reduces the misfit to less
 # than the share _CLEARLY.
 _NOTICED, _CLEARLY = 0.3, 0.1
+# Inclination and azimuth look exchanged if the "azimuth" begins as the inclination of a vertical hole does, below
+# _UPRIGHT, rad, while the "inclination" is above _INCLINED, rad, and changes less than the "azimuth".
+_UPRIGHT, _INCLINED = math.radians(5.0), math.radians(10.0)
+# Inclination above which a hole rises, with a margin for a lateral that is toe-up, rad.
+_RISING = math.radians(100.0)
 # Largest change of direction between neighbouring stations that rounding or a change of tool may cause, rad.
 _ROUNDING = math.radians(1.0)
 
@@ -97,7 +102,38 @@ def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given:
         text += f"; {sharp.size} intervals of the list have such a dogleg"
     if "dogleg" in given.confirm:
         return (Remark(RemarkKind.CONFIRMED, f"{text}; confirmed", {"dogleg": float(severity)}),)
-    raise ListFileError(f"{text}: check depths, units and angles, or confirm it with --confirm dogleg")
+    hint = ""
+    if np.all(azi <= math.pi) and not np.any(are_sharp(mc.dogleg(azi[:-1], inc[:-1], azi[1:], inc[1:]), length)):
+        hint = "; the columns of inclination and azimuth may be exchanged"
+    raise ListFileError(f"{text}: check depths, units and angles{hint}, or confirm it with --confirm dogleg")
+
+
+def check_exchange(name: str, columns: tuple[Array, Array, Array], positions: Array) -> tuple[Remark, ...]:
+    """
+    Return a remark if inclination and azimuth of a list look exchanged; none if listed positions confirm the angles.
+
+    The path of exchanged columns is smooth, so that no other check finds the mistake. The columns look exchanged if
+    only the other way round the hole begins nearly vertical, or if only the other way round it does not rise.
+    name: name of the list; columns: measured depth, m, inclination and azimuth, rad, without missing values.
+    """
+    _, inc, azi = columns
+    if inc.size < 2 or np.any(azi > math.pi) or np.any(np.isfinite(positions[1:])):
+        return ()
+    # A station straight down with azimuth 0 is the same either way round.
+    either = np.maximum(inc, azi) < _ROUNDING
+    inc, azi = inc[~either], azi[~either]
+    if not inc.size:
+        return ()
+    begins = azi[0] <= _UPRIGHT and inc[0] > _INCLINED and np.ptp(azi) > max(_INCLINED, np.ptp(inc))
+    rises = np.min(inc) > _RISING and np.max(azi) <= _RISING
+    if not (begins or rises):
+        return ()
+    why = "begins nearly vertical" if begins else "does not rise above its first station"
+    text = (
+        f"{name}: the columns of inclination and azimuth may be exchanged, because only with exchanged columns the hole"
+        f" {why}; check them, and choose them with --columns inclination=NAME,azimuth=NAME"
+    )
+    return (Remark(RemarkKind.COLUMNS_EXCHANGED, text),)
 
 
 def allowed(md: Array) -> Array:
@@ -240,6 +276,7 @@ def _cause(columns: tuple[Array, Array, Array], positions: Array) -> str:
         (f"{mixed} north and east are in metres and the other lengths in feet", columns, positions / flat),
         (f"{mixed} the vertical depths are in feet and the other lengths in metres", columns, positions * deep),
         (f"{mixed} the vertical depths are in metres and the other lengths in feet", columns, positions / deep),
+        ("inclination and azimuth are exchanged", (md, azi, inc), positions),
         ("north and east are exchanged", columns, positions[:, [1, 0, 2]]),
         ("the vertical depths are elevations, which count upwards", columns, positions * up),
         (turned, (md, inc, azi + turn), positions),

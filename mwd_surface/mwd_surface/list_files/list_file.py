@@ -26,6 +26,7 @@ from mwd_surface.list_files.grid_file import is_html, is_spreadsheet, is_spreads
 from mwd_surface.list_files.list_checks import (
     check_depths,
     check_doglegs,
+    check_exchange,
     check_positions,
     fits,
     turn_between,
@@ -521,6 +522,9 @@ class _ListReader:
             positions = self._in_axes(angles, positions, north)
         known = positions if not np.isnan(azimuth).any() else positions * np.array([math.nan, math.nan, 1.0])
         check_positions(self.name, angles, known, at)
+        chosen = {"inclination", "azimuth"} <= set(self.given.columns)
+        if self.provenance is None and not chosen and not np.isnan(azimuth).any():
+            self.remarks += check_exchange(self.name, angles, positions)
         return StationList(
             name=self.name,
             north=north,

@@ -25,6 +25,7 @@ class RemarkKind(enum.StrEnum):
     UNIT_ASSUMED = "unit_assumed"  #: a unit that the list does not state, or states in one place only
     NUMBERS_ASSUMED = "numbers_assumed"  #: a mark that may be the decimal mark or the thousands mark
     COLUMN_CHOSEN = "column_chosen"  #: several columns could be the quantity; one was chosen
+    COLUMNS_EXCHANGED = "columns_exchanged"  #: inclination and azimuth look exchanged
     COLUMN_NOT_READ = "column_not_read"  #: a column, unit or word was not recognised; it is quoted
     DIP_CONVERTED = "dip_converted"  #: angles from the horizontal were converted to inclinations
     WELLHEAD_ASSUMED = "wellhead_assumed"  #: the position of the wellhead of an offset well is assumed

@@ -51,6 +51,11 @@ _BOMS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 
+# Share of control characters at the beginning of a file above which the file is not a text: random bytes have 10 %,
+# and texts almost none, even if they were recorded from a serial line.
+_BINARY, _PROBED = 0.02, 4096
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x19\x1c-\x1f\x7f]")
+
 # Function that returns a score of texts as column names, higher for more likely names; 0 if they are not names.
 Header = Callable[[Sequence[str]], int]
 
@@ -98,9 +103,11 @@ def text_of(data: bytes, name: str) -> str:
     Raises
     ------
     ListFileError
-        The file is of another kind, such as PDF or an old spreadsheet, or has too many lines or columns.
+        The file is of another kind, such as PDF, an old spreadsheet or a binary file, or has too many lines or columns.
     """
     text = _decoded(data, name)
+    if len(_CONTROL.findall(text, 0, _PROBED)) > _BINARY * min(len(text), _PROBED):
+        raise ListFileError(f"{name} is not a text but a binary file; give a list as CSV, .xlsx, LAS or WITSML")
     if text.lstrip("\ufeff \t\r\n").startswith("<"):
         # Markup may be a single long line; its parser does not read line by line, so the limits do not apply.
         return text

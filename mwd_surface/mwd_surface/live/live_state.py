@@ -327,8 +327,9 @@ class LiveState:
         )
 
     def rig(self, now: float) -> RigState:
-        """Return the measurements of the rig at `now`."""
-        return RigState(**self._fields("rig", now), in_slips=self._in_slips)
+        """Return the measurements of the rig at `now`; slips are not known after the rig data have stopped."""
+        comes = self.streams(now)["rig"].state == Freshness.LIVE
+        return RigState(**self._fields("rig", now), in_slips=self._in_slips if comes else None)
 
     def streams(self, now: float) -> dict[str, StreamState]:
         """Return the state of each stream at `now`, by name."""

@@ -11,9 +11,7 @@ import contextlib
 import dataclasses
 import itertools
 import math
-import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +23,8 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.foreign_text import first_of
 from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
 from mwd_sensors.core.settings import setting
+from mwd_surface.bags.bag_files import is_cut_off
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
-from mwd_surface.bags.mcap.records import MAGIC
 from mwd_surface.bags.mcap.writer import is_being_written
 from mwd_surface.bags.topic_info import FORCE, MAGNETIC, RATE, REMEDY
 from mwd_surface.processing.half_imu import ImuKind, is_accelerometer, kind_of
@@ -434,7 +432,7 @@ def static_transforms(bag: Bag) -> Transforms:
 
 def refuse_damaged(bag: Bag, given: InputSettings) -> None:
     """Raise BagError for a damaged recording, unless `given.partial` accepts it."""
-    if given.partial or (bag.complete and not _cut_off(bag.path)):
+    if given.partial or (bag.complete and not is_cut_off(bag.path)):
         return
     if is_being_written(bag.path):
         raise BagError(
@@ -452,17 +450,6 @@ def worth_saying(bag: Bag) -> list[str]:
     """Return the notes on a recording that a user should see."""
     # Most recordings of other programs carry no checksums, so this note would not help the user.
     return [note for note in dict.fromkeys(bag.notes) if not note.startswith("the recording carries no checksums")]
-
-
-def _cut_off(path: Path) -> bool:
-    """Return whether an MCAP file of a recording lacks its last bytes, so that messages may be missing."""
-    for file in path.glob("*.mcap") if path.is_dir() else [path]:
-        if file.suffix == ".mcap":
-            with file.open("rb") as opened:
-                opened.seek(-len(MAGIC), os.SEEK_END)
-                if opened.read() != MAGIC:
-                    return True
-    return False
 
 
 def _name_vector(bag: Bag, name: str, quantity: str) -> None:

@@ -61,6 +61,7 @@ class StationDifference:
     #: by column, this run minus the expected run, deg (shares for sigmas); nan if only one run has the value
     differences: dict[str, float]
     words: tuple[str, ...]  #: text on differences that are not numbers; empty if there are none
+    unknown: frozenset[str] = frozenset()  #: columns that neither run has; their difference is 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -223,7 +224,8 @@ def _beside(ours: dict[str, str], expected: dict[str, str]) -> StationDifference
         if ours[name] != expected[name]
     )
     stamp_s = (int(ours["stamp_ns"]) - int(expected["stamp_ns"])) * 1e-9
-    return StationDifference(expected["sequence"], expected["md_m"], stamp_s, differences, words)
+    unknown = frozenset(name for name in differences if not ours[name] and not expected[name])
+    return StationDifference(expected["sequence"], expected["md_m"], stamp_s, differences, words, unknown)
 
 
 def _station_failures(stations: list[StationDifference], limits: dict[str, float]) -> Iterator[str]:

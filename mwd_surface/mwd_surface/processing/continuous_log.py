@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mwd_estimation.core.status import Status, words
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_surface.bags.bag_reader import Bag, BagError
@@ -25,6 +28,8 @@ _LONGEST_GAP = 60.0
 def continuous_log(folder: Path, bag: Bag, sensor_to_bit: float) -> Continuous:
     """
     Return measured depth, inclination and azimuth of the samples taken while new hole was drilled.
+
+    Samples for which the estimator did not know the direction of gravity yet are left out: their angles are arbitrary.
 
     Parameters
     ----------
@@ -46,11 +51,17 @@ def continuous_log(folder: Path, bag: Bag, sensor_to_bit: float) -> Continuous:
     parts: list[tuple[Array, Array, Array]] = []
     for block in run_folder.attitude(folder):
         depth = drilled_depth(stamps, bit, block["stamp_ns"])
-        used = np.isfinite(depth)
+        used = np.isfinite(depth) & _directed(block["status"])
         angles = np.radians(block["inclination_deg"][used]), np.radians(block["azimuth_deg"][used])
         parts.append((depth[used] - sensor_to_bit, *angles))
     md, inclination, azimuth = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Continuous(md, inclination, azimuth)
+
+
+def _directed(status: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return whether the estimator knew the direction of gravity, from the words of each sample, shape (n,)."""
+    word = words(Status.INITIALISING)
+    return np.array([word not in one.split("|") for one in status], dtype=bool)
 
 
 def drilled_depth(stamps_ns: Stamps, bit_depth: Array, at_ns: Stamps) -> Array:

@@ -53,7 +53,7 @@ class Summary:
     #: rows
     total_off: float = 0.0
     dip_off: float = 0.0
-    #: `lowest`, `highest`: range of the inclination, rad; nan if the inclination was never known
+    #: `lowest`, `highest`: range of the inclination, rad, without angles that may have any error; nan without others
     lowest: float = math.nan
     highest: float = math.nan
     #: `north`, `reference`: north of the azimuth, and source of the reference field
@@ -103,7 +103,8 @@ class Summary:
             self.total_off = max(float(total.min()), float(total.max()), self.total_off, key=abs)
             self.dip_off = max(float(dip.min()), float(dip.max()), self.dip_off, key=abs)
         self.disturbed += withheld
-        inclination = attitude["inclination"][known]
+        # With a sigma of pi the angle may have any error.
+        inclination = attitude["inclination"][known & (attitude["sigma_inclination"] < math.pi)]
         if len(inclination):
             self.lowest = float(np.fmin(self.lowest, inclination.min()))
             self.highest = float(np.fmax(self.highest, inclination.max()))

@@ -155,7 +155,6 @@ def rig_values(
     values.update(survey_values(surveys[-1] if surveys else None, now_ns))
     if not active:
         values = {k: dataclasses.replace(v, condition=Condition.INACTIVE, reason="inactive") for k, v in values.items()}
-    flow = state.rig.flow_rate
     return RigValues(
         made_ns=now_ns,
         heartbeat=int(state.now),
@@ -171,7 +170,7 @@ def rig_values(
         sonde_link=link,
         recording=state.recorder is not None and state.recorder.state == RecorderState.RECORDING,
         simulated=simulated,
-        circulating=flow.value > 0.0 if flow.state == Freshness.LIVE and flow.value is not None else None,
+        circulating=state.rig.pumps_on,
         in_slips=state.rig.in_slips,
         control=state.control,
         advice=state.advice,

@@ -14,6 +14,7 @@ from pathlib import Path
 from mwd_estimation.core.north import North
 from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_file
+from mwd_surface.bags.bag_files import is_cut_off
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.list_files.list_columns import Given
 from mwd_surface.list_files.list_error import ListFileError
@@ -78,7 +79,13 @@ def surveys_of(path: Path, given: Given | None = None) -> tuple[SurveyList, tupl
     if folders:
         return _stored(folders[0])
     with Bag(path) as bag:
-        return surveys_of_bag(bag), () if recorded_settings(bag).surface is not None else (_NO_WELL,)
+        surveys = surveys_of_bag(bag)
+        notes = () if recorded_settings(bag).surface is not None else (_NO_WELL,)
+        if not bag.complete or is_cut_off(bag.path):
+            # The last list that can be read may be older than the last list that was recorded.
+            text = f"{path} is cut off or damaged; surveys and decisions in the lost part are not in the list"
+            notes = (*notes, f"{text}; use the surveys folder of the run if it exists")
+        return surveys, notes
 
 
 def _read(path: Path, given: Given | None) -> StationList:

@@ -248,3 +248,43 @@ def test_a_las_file_is_read_by_its_curves_and_a_wrong_one_says_what_it_has():
         list_of(las("DEPT.FT", "DEVI.DEG", "GR.API"))
     with pytest.raises(ListFileError, match=r"cannot be read as LAS|no column"):
         list_of(b"~V\nno LAS at all")
+
+
+@given(
+    azimuth=st.floats(20.0, 175.0),
+    walk=st.floats(-3.0, 3.0),
+    build=st.floats(1.5, 5.0),
+    vertical=st.integers(0, 5),
+    lateral=st.booleans(),
+)
+def test_columns_of_inclination_and_azimuth_that_are_exchanged_are_noticed(azimuth, walk, build, vertical, lateral):
+    """A path was computed without a word: it is as smooth as the path of the list read rightly."""
+    built = [build * k for k in range(1, 9)]
+    inclination = [88.0] * 6 if lateral else [0.0] * vertical + built
+    bearing = [azimuth + walk * (v > 0.0) * k for k, v in enumerate(inclination)]
+    bearing = (
+        [120.0 + v / 10.0 for v in bearing]
+        if lateral
+        else [v if i else 0.0 for v, i in zip(bearing, inclination, strict=True)]
+    )
+    rows = [f"{30.0 * k:g},{i:.3f},{a:.3f}" for k, (i, a) in enumerate(zip(inclination, bearing, strict=True))]
+
+    def noticed(names):
+        try:
+            read = list_of("\n".join([f"md_m,{names}", *rows]).encode(), "plan.csv")
+        except ListFileError as error:
+            return "exchanged" in str(error)
+        return any(remark.kind == RemarkKind.COLUMNS_EXCHANGED for remark in read.remarks)
+
+    assert noticed("azimuth_deg,inclination_deg")
+    assert not noticed("inclination_deg,azimuth_deg")
+
+
+def test_exchanged_columns_that_the_positions_refute_or_the_user_chose_are_no_remark():
+    text = "md_m,azimuth_deg,inclination_deg{}\n0,0,0{}\n500,0,45{}\n1000,30,45{}\n"
+    exchanged = {RemarkKind.COLUMNS_EXCHANGED}
+    assert exchanged <= {one.kind for one in list_of(text.format(*[""] * 4).encode(), "a.csv").remarks}
+    chosen = Given(columns={"inclination": "inclination_deg", "azimuth": "azimuth_deg"})
+    assert not exchanged & {one.kind for one in list_of(text.format(*[""] * 4).encode(), "a.csv", chosen).remarks}
+    with pytest.raises(ListFileError, match="inclination and azimuth are exchanged"):
+        list_of(text.format(",tvd_m", ",0", ",500", ",977.44").encode(), "a.csv")

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A table as anybody's spreadsheet writes it; what is wrong with it is named with the line."""
 
+import random
+import struct
+import zlib
+
 import pytest
 
 from mwd_surface.list_files.table import read_table
@@ -42,6 +46,9 @@ def test_missing_cells_are_empty(tmp_path):
         ("md,gx\n1,2\n1,2,3\n", "line 3: 3 cells, but 2 columns"),
         ('md,gx\n"1,2\n', "line 2: unexpected end of data"),
         (b"%PDF-1.7", "is a PDF"),
+        (random.Random(4).randbytes(5000), "binary file"),
+        (zlib.compress(b"md,gx\n" + b"1,2\n" * 900), "binary file"),
+        (struct.pack("<500d", *range(500)), "binary file"),
     ],
 )
 def test_what_is_wrong_is_reported(tmp_path, text, sentence):

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mwd_surface.commands.compare import _show
 from mwd_surface.processing import attitude_csv, compare, run_folder
 from mwd_surface.surveys import survey_csv
 
@@ -65,6 +66,18 @@ def test_a_difference_across_north_is_the_short_way_round(tmp_path):
     assert (azimuth.mean, azimuth.largest) == (pytest.approx(-0.2), pytest.approx(0.2))
     assert not found.agree
     assert compare.compare(ours, expected, {"survey_azimuth_deg": 0.001, "attitude_azimuth_deg": 0.3}).agree
+
+
+def test_an_azimuth_that_neither_run_has_is_no_difference_and_no_agreement(tmp_path, capsys):
+    """It was printed as a difference of +0.0000 deg."""
+    bare = {**STATION, "azimuth_deg": "", "sigma_azimuth_deg": "", "azimuth_method": ""}
+    run = write_run(tmp_path / "a", [bare])
+    found = compare.compare(run, run)
+    assert found.agree
+    assert found.stations[0].unknown == {"azimuth_deg", "sigma_azimuth_deg"}
+    _show(found, ("a", "b"), limited=False)
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if "490.000" in line]
+    assert line.split() == ["1", "490.000", "+0.000", "+0.0000", "-", "+0.0000"]
 
 
 @pytest.mark.parametrize(

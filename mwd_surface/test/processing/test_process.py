@@ -27,6 +27,7 @@ from mwd_surface.processing import attitude_csv, process
 from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.processing.run_config import estimator_config
 from mwd_surface.processing.run_output import OutputSettings
+from mwd_surface.processing.run_summary import Summary
 from mwd_surface.surveys.survey_source import surveys_of
 
 pytestmark = pytest.mark.slow(0.3)
@@ -592,3 +593,14 @@ def test_a_doubled_message_beside_a_precision_unit_is_left_out_and_the_rest_stay
     assert [one.rows for one in found] == [len(imu)] * 2
     assert [len(one.surveys) for one in found] == [len(whole.surveys)] * 2
     assert surveys(tmp_path / "out_bag") == surveys(tmp_path / "out_reverse")
+
+
+def test_the_range_of_the_inclination_leaves_out_angles_that_may_have_any_error():
+    """After a silence of the sensors, the summary of a hole of 32 deg said "29.18 to 54.14 deg"."""
+    attitude = wire.ATTITUDE.empty(4)
+    attitude["inclination"] = np.radians([54.0, 32.0, 31.0, np.nan])
+    attitude["sigma_inclination"] = [math.pi, 0.01, 0.01, np.nan]
+    summary = Summary(topics=None)
+    summary.count(SimpleNamespace(attitude=attitude, interference=()))
+    assert np.degrees([summary.lowest, summary.highest]) == pytest.approx([31.0, 32.0])
+    assert summary.without_gravity == 1

@@ -53,6 +53,21 @@ def test_silence_makes_values_stale_and_keeps_the_last_one():
     assert NOW_NS - v.stamp_ns == pytest.approx(S, abs=1000)
 
 
+@pytest.mark.parametrize("flow", [0.0, 1e-6, 1e-3, 2e-3, 0.03])
+def test_the_rig_and_the_page_agree_on_whether_mud_flows(flow):
+    """The offset of a flow meter was circulation for OPC UA and WITS, and "pumps off" on the page."""
+    sample = rig_state(flow_rate=flow)
+    assert values(rig=sample).circulating is live(rig=sample).at(NOW).rig.pumps_on
+
+
+def test_facts_of_the_rig_end_with_its_data():
+    """A rig that was in slips at its last sample was in slips, and its activity a connection, for ever."""
+    slips = rig_state(in_slips=True)
+    assert values(rig=slips).in_slips is True
+    old = values(rig=slips, later=100.0)
+    assert (old.in_slips, old.circulating) == (None, None)
+
+
 @pytest.mark.fault_case(57)
 def test_a_silent_sonde_is_no_link_and_an_accepted_survey_does_not_age_away():
     table = values(later=100.0)

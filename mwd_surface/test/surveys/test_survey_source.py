@@ -44,6 +44,18 @@ def test_a_recording_gives_the_last_list_with_its_tie_on_and_its_north(tmp_path)
     assert "description of the well" in notes[0]
 
 
+def test_a_list_of_a_recording_that_was_cut_off_is_said_to_lack_what_was_lost(tmp_path):
+    """Exports of an interrupted recording were written as definitive, without its last surveys and without a word."""
+    surveys = example.surveys()
+    folder = recorded(tmp_path / "bag", [surveys])
+    assert not any("cut off" in note for note in surveys_of(folder)[1])
+    (file,) = folder.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:-100])
+    got, notes = surveys_of(folder)
+    assert got == without_well(surveys)
+    assert any("cut off or damaged" in note for note in notes)
+
+
 def test_a_recording_without_a_path_begins_at_the_wellhead(tmp_path):
     well = dataclasses.replace(example.WELL, north_reference="true")
     surveys = example.surveys(well)

@@ -364,6 +364,8 @@ class Session:
             return
         self.writing, self._file_began = True, time.monotonic()
         self.state, self.reason = RecorderState.RECORDING, ""
+        # The next message is later by the length of the pause, which is not a jump of the clock.
+        self._last_ns = 0
         lost = self.lost - self._dropped_reported
         self._dropped_reported += lost
         seconds = (time.time_ns() - self._pause_began) * 1e-9

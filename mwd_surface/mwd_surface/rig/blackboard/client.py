@@ -153,7 +153,8 @@ NOUNS = {"bit_depth": "BitDepth", "hole_depth": "HoleDepth"}
 _READ_S = 1.0  # time between two readings of the rig's depths, s
 _FIND_S = 10.0  # time between two searches for depths that were not found, s
 _SHOWN = 300  # largest number of characters of an error in the status
-_BAD = 0x80000000  # lowest OPC UA status code that means bad
+# Status codes of the values that may be used now.
+_USABLE = frozenset(code for condition, code in STATUS_CODES.items() if condition.usable)
 _LAST_NAMESPACE = 0xFFFF  # largest namespace index: an index has 16 bits in OPC UA
 
 
@@ -299,9 +300,6 @@ class Blackboard(RigInterface):
         """Write the values that changed since the last write."""
         ua, table = self._asyncua.ua, readings(values)
         changed = [name for name, reading in table.items() if sent.get(name) != reading]
-        if self._bare:
-            # This blackboard accepts no status codes, so a value with a bad status could not be marked: omit the value.
-            changed = [name for name in changed if table[name].status < _BAD]
         if not changed:
             # With nothing to write, read a value instead, so that a lost session is noticed.
             await client.nodes.server_state.read_value()
@@ -322,7 +320,9 @@ class Blackboard(RigInterface):
     def _data_value(self, reading: VariableValue) -> Any:
         ua = self._asyncua.ua
         if self._bare:
-            return ua.DataValue(ua.Variant(reading.value, ua.VariantType.Double))
+            # Without a status code the last value would stay on the blackboard as a good one.
+            value = reading.value if reading.status in _USABLE else math.nan
+            return ua.DataValue(ua.Variant(value, ua.VariantType.Double))
         # The blackboard sets the server timestamp.
         return dataclasses.replace(reading.data_value(ua, "Double"), ServerTimestamp=None)
 

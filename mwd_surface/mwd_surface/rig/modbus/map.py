@@ -85,7 +85,9 @@ class ModbusForm:
         choices=WORD_ORDERS,
     )
     nan_invalid: bool = setting(
-        False, "Send a quiet NaN in place of an invalid value. If false, the registers keep the last valid value."
+        False,
+        "Send a quiet NaN in place of a value that must not be used. If false, the registers keep the last value. A "
+        "value that is not known is always NaN.",
     )
 
 
@@ -99,7 +101,8 @@ def registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
     block[3] = survey.result.sequence & 0xFFFF if survey is not None else 0
     for address, (name, factor, wrap) in FLOATS.items():
         value = values.values[name]
-        invalid = form.nan_invalid and not value.condition.usable
+        # A number that nothing has given, such as the sigma of an azimuth that the survey does not have, is never 0.
+        invalid = not value.condition.usable and (form.nan_invalid or value.age is None)
         words = _NAN if invalid else _float_words(value.value * factor, wrap)
         block[address : address + 2] = _ordered(words, form)
     age = values.toolface.age

@@ -106,8 +106,14 @@ _WRITES = (5, 6, 15, 16, 22, 23)  # function codes that write to coils or regist
 # Functions that are answered: reads, writes, and reading the identification (43). To other functions pymodbus would
 # answer with example values (24, a queue of registers that does not exist) or a false confirmation (8).
 _SERVED = frozenset((*_MOST_READ, *_WRITES, 43))
+# Largest number in the length field of a request over TCP: unit and 253 bytes of function and data.
+_LONGEST = 254
 _LOOK = 1.0  # time between checks for idle connections, s
 _PYMODBUS = 3, 13  # first version of pymodbus with the simulator devices that this server uses
+
+
+# Largest number of bytes of requests that wait to be answered, and of answers that wait for a slow reader.
+_MOST_WAITING = 16384
 
 
 @dataclasses.dataclass
@@ -117,6 +123,8 @@ class _Connection:
     since: float
     last_request: float
     requests: int = 0
+    received: bytes = b""  #: bytes of requests that are not answered yet
+    answering: bool = False  #: whether pymodbus works on a request
 
 
 class ModbusServer(RigInterface):
@@ -321,9 +329,29 @@ class ModbusServer(RigInterface):
 
         async def handle_request() -> None:
             self._asking.set(number)
-            await handle()
-            if number not in self._connections:  # the connection ended before its request was handled
-                forget()
+            try:
+                await handle()
+            finally:
+                connection = self._connections.get(number)
+                if connection is None:  # the connection ended before its request was handled
+                    forget()
+                else:
+                    connection.answering = False
+                    answer_next(connection)
+
+        def answer_next(connection: _Connection) -> None:
+            """Give the requests to pymodbus one after the other, because it forgets what came with a request."""
+            while not connection.answering and (request := self._next_request(connection)):
+                connection.requests += 1
+                answer = self._at_once(request)
+                if answer is None:
+                    received(request)
+                    connection.answering = handler.last_pdu is not None
+                else:
+                    self.denied += 1
+                    connection.transport.write(answer)
+            if max(len(connection.received), connection.transport.get_write_buffer_size()) > _MOST_WAITING:
+                connection.transport.abort()
 
         def forget() -> None:
             if self._control is not None:
@@ -344,13 +372,8 @@ class ModbusServer(RigInterface):
             connection = self._connections.get(number)
             if connection is not None:
                 connection.last_request = time.monotonic()
-                connection.requests += 1
-                answer = self._at_once(data)
-                if answer is None:
-                    received(data)
-                else:
-                    self.denied += 1
-                    connection.transport.write(answer)
+                connection.received += data
+                answer_next(connection)
 
         def connection_lost(error: Exception | None) -> None:
             connection = self._connections.pop(number, None)
@@ -365,6 +388,22 @@ class ModbusServer(RigInterface):
 
     def _peer(self, name: Any) -> str:
         return f"{name[0]}:{name[1]}"
+
+    def _next_request(self, connection: _Connection) -> bytes:
+        """Remove and return the first complete request; empty without one. Close a connection that sends junk."""
+        head = connection.received[:7]
+        if len(head) < 7:
+            return b""
+        protocol, length = struct.unpack_from(">HH", head, 2)
+        if protocol != 0 or not 2 <= length <= _LONGEST:
+            connection.received = b""
+            connection.transport.abort()
+            return b""
+        end = 6 + length
+        if len(connection.received) < end:
+            return b""
+        request, connection.received = connection.received[:end], connection.received[end:]
+        return request
 
     def _at_once(self, data: bytes) -> bytes | None:
         return _refusal(data)
@@ -588,6 +627,11 @@ class ModbusSerial(ModbusServer):
 
     def _peer(self, _name: Any) -> str:
         return self.line.device
+
+    def _next_request(self, connection: _Connection) -> bytes:
+        """Return all bytes: pymodbus finds the requests of a line, where the next one comes after the answer."""
+        request, connection.received = connection.received, b""
+        return request
 
     def _at_once(self, _data: bytes) -> bytes | None:
         return None

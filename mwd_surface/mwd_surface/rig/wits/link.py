@@ -53,6 +53,7 @@ class Wits0Sender:
         self.form, self.schedule = form, schedule
         self._writer = RecordWriter(form)
         self._sent_keys: set[tuple[str, int, int]] | None = None
+        self._sent_last = ""  # uuid of the survey that the peers have as the last one
         self._toolface_at = self._records_at = self._alive_at = -1e9
         self._toolface_stamp = 0
 
@@ -84,12 +85,21 @@ class Wits0Sender:
         return self._packets([*groups, self._writer.toolface(values)])
 
     def _surveys(self, values: RigValues) -> list[Items]:
-        if self._sent_keys is None:
-            # Surveys accepted before the start are not sent as new; the packets for a new peer contain the last one.
-            self._sent_keys = {s.key for s in values.surveys}
-            return []
-        fresh = [s for s in values.surveys if s.key not in self._sent_keys]
+        """
+        Return the records of new and changed surveys; the last one is always that of the last accepted survey.
+
+        WITS cannot withdraw a survey. If an older survey changes, or if the last one is no longer accepted, the last
+        accepted survey is sent again, so that the peers do not keep another one as the last.
+        """
+        before, last = self._sent_last, values.survey
+        known = {s.key for s in values.surveys} if self._sent_keys is None else self._sent_keys
+        fresh = [s for s in values.surveys if s.key not in known]
+        # Surveys accepted before the start are not sent as new; the packets for a new peer contain the last one.
+        withdrawn = before not in {"", *(s.result.uuid for s in values.surveys)}
+        if last is not None and (withdrawn or fresh) and last not in fresh[-1:]:
+            fresh.append(last)
         self._sent_keys = {s.key for s in values.surveys}
+        self._sent_last = "" if last is None else last.result.uuid
         return [self._writer.survey(values, s) for s in fresh]
 
     def _packets(self, groups: list[Items]) -> list[bytes]:

@@ -180,6 +180,18 @@ def test_the_free_space_is_checked_before_a_small_reserve_is_written_full(tmp_pa
     assert bench.session.free > 800_000
 
 
+def test_a_pause_is_not_a_jump_of_the_clock(bench):
+    """After a minute of a full disk, the recorder said that the clock had jumped by +63 s."""
+    bench.take(0)
+    bench.free = LOW - 1
+    bench.later(0.5)
+    bench.free = 10 * LOW
+    bench.later(300.0)
+    bench.take(1, log_ns=START + round(bench.now * 1e9))
+    assert bench.session.writing
+    assert not [text for _, text in bench.given if "clock" in text]
+
+
 @pytest.mark.fault_case(63)
 @pytest.mark.parametrize("files", [1, 3])
 @pytest.mark.parametrize("noticed", ["check of the disk", "new file", "end"])

@@ -4,10 +4,12 @@
 import asyncio
 import contextlib
 import json
+import math
 import re
 import socket
 import struct
 import threading
+from types import SimpleNamespace
 
 import asyncua
 import pytest
@@ -217,6 +219,36 @@ def test_an_answer_that_is_none_ends_in_a_sentence_and_another_try(board, answer
         assert one.status().reason
         board.answer = ""
         eventually(lambda: one.status().state == "connected")
+
+
+class Bare:
+    """The session with a blackboard that keeps numbers, and refuses status codes and times."""
+
+    def __init__(self):
+        self.has = {}
+
+    async def write_values(self, nodes, given, raise_on_partial_error):
+        assert not raise_on_partial_error
+        codes = []
+        for node, value in zip(nodes, given, strict=True):
+            plain = value.StatusCode in (None, ua.StatusCode(0)) and value.SourceTimestamp is None
+            codes.append(ua.StatusCode(0 if plain else ua.StatusCodes.BadWriteNotSupported))
+            if plain:
+                self.has[node] = value.Value.Value
+        return codes
+
+
+def test_a_blackboard_without_status_codes_has_only_numbers_that_may_be_used():
+    """The last toolface of a lost tool stayed on it, as a good value."""
+    one, session, sent = client(SimpleNamespace(address="opc.tcp://127.0.0.1:1/")), Bare(), {}
+    one._asyncua = asyncua
+    names = {signal.opcua: signal.opcua for signal in TO_RIG}
+    for later in (0.0, 0.0, 2.5, 100.0):
+        table = values(later=later)
+        asyncio.run(one._write(session, names, table, sent))
+    usable = {signal.opcua for signal in TO_RIG if table.values[signal.name].condition.usable}
+    assert {name for name, number in session.has.items() if math.isfinite(number)} == usable
+    assert {"Inclination", "GravityToolface"} - usable == {"GravityToolface"}
 
 
 @pytest.mark.parametrize("url", ["http://x", "opc.tcp://", "opc.tcp://host", "opc.tcp://host:99999/", "opc.tcp://[::1"])

@@ -62,7 +62,7 @@ def test_every_register_holds_what_the_table_says():
         48: 5000.0,
         50: 1800.0,
         52: 19.0,
-        54: 0.0,
+        54: math.nan,
         56: 1800.0,
         58: 120.0,
         60: 4000.0,
@@ -76,7 +76,7 @@ def test_every_register_holds_what_the_table_says():
         76: -1.5,
     }
     for address, value in expected.items():
-        assert at(block, address) == pytest.approx(value, rel=1e-6), address
+        assert at(block, address) == pytest.approx(value, rel=1e-6, nan_ok=True), address
     assert struct.unpack(">Q", struct.pack(">4H", *block[34:38]))[0] == s.result.stamp_ns // 1_000_000
     assert set(FLOATS) | {8} == set(expected)
     # Depth of a ROS publisher; clock of the rig, clock of the tool.
@@ -144,11 +144,22 @@ def test_what_is_not_to_be_used_is_held_or_a_quiet_nan_if_asked_for():
     assert at(nan, 10) == at(held, 10)
 
 
-def test_before_anything_came_numbers_are_zero_and_the_age_says_never():
+def test_before_anything_came_no_number_is_given_and_the_age_says_never():
     block = registers(nothing_yet(), ABCD)
     assert at(block, 8) == NEVER
     assert block[0] == VERSION
-    assert all(at(block, a) == 0.0 for a in FLOATS)
+    assert all(math.isnan(at(block, a)) for a in FLOATS)
+
+
+@pytest.mark.parametrize("name", [name for name, _, _ in FLOATS.values()])
+def test_a_number_that_is_not_known_is_a_nan_beside_numbers_that_are(name):
+    """An unknown sigma of the azimuth was 0 deg, and an unknown age of the depth 0 s."""
+    table = values()
+    unknown = dataclasses.replace(table, values={**table.values, name: RigValue(reason="not known for this survey")})
+    block = registers(unknown, ABCD)
+    missing = {n for a, (n, _, _) in FLOATS.items() if math.isnan(at(block, a))}
+    # The driller's turn is not set in the example either.
+    assert missing == {name, "set_turn"}
 
 
 def test_an_angle_just_below_a_turn_is_zero_not_360():

@@ -6,6 +6,8 @@ import dataclasses
 import pytest
 from example_rig import attitude, values
 from example_surveys import START, S, survey, surveys
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mwd_surface.rig.values import nothing_yet
 from mwd_surface.rig.wits.format import KEEP_ALIVE, Decoder
@@ -20,6 +22,12 @@ def sender(schedule=None, **form):
 
 def codes(packet_list):
     return [{i.code for i in f.items} for p in packet_list for f in Decoder().feed(p)]
+
+
+def depths(packet_list):
+    """The depths of the surveys in packets."""
+    frames = [f for p in packet_list for f in Decoder().feed(p)]
+    return [item.text for f in frames for item in f.items if item.code == 708]
 
 
 def stamped(seconds):
@@ -42,7 +50,24 @@ def test_a_survey_goes_out_once_when_it_is_accepted_and_again_when_decided_anew(
     assert sum(713 in p for p in codes(s.due(values(more), 1.0))) == 1
     assert not any(713 in p for p in codes(s.due(values(more), 2.0)))
     again = more.accept(9, "Bo", "again", START + 99_000 * S)
-    assert sum(713 in p for p in codes(s.due(values(again), 3.0))) == 1
+    # The decided survey, and after it the last one.
+    assert depths(s.due(values(again), 3.0)) == ["540.00", "660.00"]
+
+
+@given(decisions=st.lists(st.tuples(st.integers(9, 13), st.booleans()), min_size=1, max_size=6))
+@settings(max_examples=25, deadline=None)
+def test_whatever_people_decide_the_last_survey_that_was_sent_is_the_last_accepted_one(decisions):
+    """A recorder kept a survey that a person rejected after it was sent, as the last one."""
+    s, whole = sender(), surveys()
+    packets = [*s.greeting(values(whole)), *s.due(values(whole), 0.0)]
+    whole = whole.add(survey(13, 44.0, 80.0), 660.0, 0.4)
+    for k, (number, accepted) in enumerate(decisions):
+        at = START + (99_000 + k) * S
+        whole = whole.accept(number, "Bo", "", at) if accepted else whole.reject(number, "Bo", "", at)
+        table = values(whole)
+        packets += s.due(table, float(k + 1))
+        last = table.survey
+        assert depths(packets)[-1:] == [f"{last.value('measured_depth'):.2f}"]
 
 
 def test_surveys_are_streamed_only_when_asked_for():
