@@ -158,7 +158,7 @@ class Clocks:
         -------
         list of (samples, new)
             `samples` belong to the time so far; samples whose jump is not confirmed are among them. An unconfirmed
-            stamp far ahead is replaced by the latest stamp, so that later stages do not take it for the present time.
+            stamp far ahead is replaced by one just before the latest stamp, so that later stages do not use the sample.
             If `new` is not None, time jumps back after `samples` and restarts with `new`: the samples that confirmed
             the jump.
         """
@@ -187,7 +187,7 @@ class Clocks:
                 self._behind = {name for name, other in self._others.items() if not other.is_at(stamp)}
             elif forward:
                 own = samples.copy() if own is samples else own
-                own["stamp_ns"][i] = self._lead.last_ns
+                own["stamp_ns"][i] = self._lead.last_ns - 1
         pieces.append((own[start:], None))
         return pieces
 
