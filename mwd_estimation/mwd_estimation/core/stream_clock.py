@@ -311,12 +311,13 @@ def _explain(s: ClockState, off: float, alike: float, gap: bool) -> None:
     """
     Move the line by whole periods if samples are missing or the clock was set, but not if a single stamp is late.
 
-    After missing samples the next stamps are equally far from the line; after a late stamp they are near. off: distance
-    of a stamp from the line, s; alike: largest difference of equal distances, s; gap: whether there is a data gap
-    before the stamp.
+    After missing samples the next stamps are as far from the line, or farther; after a late stamp they are nearer. off:
+    distance of a stamp from the line, s; alike: largest difference of equal distances, s; gap: whether there is a data
+    gap before the stamp.
     """
     whole = s.period * round(off / s.period)
-    again = s.waiting != 0.0 and abs(off - s.waiting) < alike
+    # Not nearer than the last stamp, on the same side: more samples may be missing.
+    again = (0.0 < s.waiting < off + alike and off > 0.0) or (off - alike < s.waiting < 0.0 and off < 0.0)
     undone = s.moved != 0.0 and abs(off + s.moved) < alike
     if undone or (again and off < 0.0):
         s.missing -= _LEARNS * s.missing

@@ -73,6 +73,18 @@ def test_any_cut_of_the_stream_gives_the_same(cuts):
     assert np.concatenate(parts).tobytes() == StreamClock().times(stamps).tobytes()
 
 
+@pytest.mark.parametrize("first", [slice(None, None, 2), slice(None)])
+def test_the_times_follow_a_sensor_whose_rate_changes(first):
+    true = measured(100.0, 6000)
+    second = slice(None) if first.step else slice(None, None, 2)
+    true = np.concatenate([true[:3000][first], true[3000:][second]])
+    stamps = uneven("host", true, np.random.default_rng(5))
+    error = StreamClock().times(stamps) - true
+    assert np.abs(error[200:]).max() < 25_000_000
+    late = slice(-600, None)
+    assert np.std(error[late]) < 0.15 * np.std((stamps - true)[late])
+
+
 def test_a_stamp_that_goes_back_gives_no_later_time():
     stamps = uneven("host", measured(100.0, 400), np.random.default_rng(3))
     stamps[200], stamps[300:310] = stamps[198], stamps[290:300]
