@@ -165,7 +165,7 @@ def _write_attitude(
     unsure, unsure_level = sample.suspect != 0, sample.suspect & _LEVEL_SENSORS != 0
     if unsure:
         status |= _SUSPECT
-    row["stamp_ns"] = sample.stamp_ns
+    row["stamp_ns"] = sample.sent_ns
     row["inclination"] = plain.inclination if has_gravity else math.nan
     row["azimuth"] = angle
     row["gravity_toolface"] = plain.gravity_toolface if has_high_side else math.nan
@@ -192,7 +192,7 @@ def _write_gravity(sample: Sample, status: int, row: Samples) -> None:
     known = math.isfinite(down[0] + down[1] + down[2]) and sample.turned < math.inf
     for i in range(3):
         vector[i] = down[i] if known else math.nan
-    row["stamp_ns"] = sample.stamp_ns
+    row["stamp_ns"] = sample.sent_ns
     row["sigma"] = _sigma(sample.sigma_down, known, sample.suspect & _LEVEL_SENSORS != 0)
     row["non_gravity"] = sample.non_gravity
     row["rotary_speed"] = sample.rotary_speed

@@ -63,7 +63,7 @@ class AttitudeStream:
         self._magnetic = MagneticAzimuths(interference, errors)
         self._alignment_state = initial_alignment()
         self._rejected_state = rejected_samples.initial()
-        self._mag = MagBlock(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+        self._mag = MagBlock(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
         #: Dtype `time_alignment.PAIR`; magnetic samples selected in the last block, one per interval, with gravity at
         #: their own stamps.
         self.handed_on = np.zeros(0, dtype=PAIR)
@@ -108,10 +108,19 @@ class AttitudeStream:
             azimuth = azimuth._replace(innovation=abs(float(s["innovation_ratio"])), used=used)
         return [self._magnetic.innovation, azimuth]
 
-    def take_mag(self, stamps: Stamps, b_t: Array) -> None:
-        """Accept magnetic samples: stamps, ns, shape (m,), and field, T, shape (m, 3); they wait for gravity."""
-        waiting = self._mag
-        self._mag = MagBlock(np.concatenate([waiting.stamp_ns, stamps]), np.concatenate([waiting.b_t, b_t]))
+    def take_mag(self, time: tuple[Stamps, Stamps], b_t: Array) -> None:
+        """
+        Accept magnetic samples, which wait for gravity.
+
+        time: stamps of the messages, and times at which the samples were measured, ns, shape (m,) each; b_t: field, T,
+        shape (m, 3).
+        """
+        (sent, stamps), waiting = time, self._mag
+        self._mag = MagBlock(
+            np.concatenate([waiting.stamp_ns, stamps]),
+            np.concatenate([waiting.b_t, b_t]),
+            np.concatenate([waiting.sent_ns, sent]),
+        )
 
     def shift_mag(self, late_ns: int, wait_ns: int) -> None:
         """
@@ -119,16 +128,18 @@ class AttitudeStream:
 
         late_ns: delay of the stamps that is removed; wait_ns: time added to the lag of the settings, `mag_lag_ns`.
         """
-        self._mag = self._mag._replace(stamp_ns=self._mag.stamp_ns - late_ns)
+        waiting = self._mag
+        self._mag = waiting._replace(stamp_ns=waiting.stamp_ns - late_ns, sent_ns=waiting.sent_ns - late_ns)
         self._alignment = self._alignment._replace(mag_lag_ns=self._mag_lag_ns + wait_ns)
 
-    def leave_out_mag(self, stamps: Stamps, out: NDArray[np.bool_]) -> None:
+    def leave_out_mag(self, time: tuple[Stamps, Stamps], out: NDArray[np.bool_]) -> None:
         """
         Invalidate the waiting magnetic samples that would be used at IMU samples marked in `out`.
 
-        stamps: stamps of the IMU samples, ns, shape (n,); out: shape (n,).
+        time: stamps of the IMU samples, and times at which they were measured, ns, shape (n,) each; out: shape (n,).
         """
-        MagneticSamples(*self._mag, self._alignment.mag_lag_ns, stamps).leave_out(out)
+        mag, (sent, times) = self._mag, time
+        MagneticSamples(mag.stamp_ns, mag.b_t, self._alignment.mag_lag_ns, sent, mag.sent_ns).leave_out(times, out)
 
     def follow(
         self,
@@ -205,7 +216,7 @@ class AttitudeStream:
             rows, pairs, used = time_alignment.run(
                 self._alignment, self._alignment_state, in_force.model, block.samples[part], self._mag
             )
-            self._mag = MagBlock(self._mag.stamp_ns[used:], self._mag.b_t[used:])
+            self._mag = MagBlock._make(column[used:] for column in self._mag)
             plain.append(rows)
             handed_on.append(pairs)
             level = pairs["sigma_tilt"] < _MAX_TILT

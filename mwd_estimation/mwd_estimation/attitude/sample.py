@@ -21,7 +21,8 @@ from mwd_sensors.core.records import dtype_of
 class Sample:
     """One sample; for a rejected sample, `rejected_samples` propagates `down` and the sigmas to its stamp."""
 
-    stamp_ns: int  #: stamp, ns
+    stamp_ns: int  #: time at which it was measured (`core.stream_clock`), ns
+    sent_ns: int  #: stamp of its message, ns
     #: `gyro`, `accel`: rate, rad/s, NaN if the gyros are unusable, and specific force, m/s^2, in tool axes.
     gyro: Annotated[Array, 3]
     accel: Annotated[Array, 3]
@@ -51,15 +52,18 @@ class Sample:
 SAMPLE = dtype_of(Sample)
 
 
-def samples_of(stamps: Stamps, gyro: Array, accel: Array, track: Track, suspect: NDArray[np.uint8]) -> Samples:
+def samples_of(
+    time: tuple[Stamps, Stamps], gyro: Array, accel: Array, track: Track, suspect: NDArray[np.uint8]
+) -> Samples:
     """
     Return the samples of a block, dtype SAMPLE, shape (n,).
 
-    stamps, gyro, accel and suspect have shapes (n,), (n, 3), (n, 3) and (n,), with units as in `Sample`; track: gravity
-    of these samples.
+    time: stamps of the messages, and times at which the samples were measured, ns, shape (n,) each; gyro, accel and
+    suspect have shapes (n, 3), (n, 3) and (n,), with units as in `Sample`; track: gravity of these samples.
     """
-    samples = np.zeros(len(stamps), dtype=SAMPLE)
-    samples["stamp_ns"], samples["gyro"], samples["accel"], samples["suspect"] = stamps, gyro, accel, suspect
+    samples = np.zeros(len(gyro), dtype=SAMPLE)
+    samples["sent_ns"], samples["stamp_ns"] = time
+    samples["gyro"], samples["accel"], samples["suspect"] = gyro, accel, suspect
     samples["down"] = track.g_t
     for name in ("sigma_inclination", "sigma_toolface", "non_gravity", "rotary_speed", "status", "gyro_step"):
         samples[name] = getattr(track, name)

@@ -2,10 +2,11 @@
 """
 Attitude of every IMU sample from gravity and magnetic samples that are paired by time.
 
-A magnetic sample is paired with gravity at its stamp, not at its arrival: the sample is used a fixed `mag_lag_ns` after
-its stamp, with gravity interpolated at the stamp. The result therefore does not depend on the order in which two topics
-arrive, live and replayed results have the same bits, and a rotating tool loses no accuracy. The azimuth of the hole
-axis hardly changes in that time. The magnetic toolface changes, so it is propagated by the x gyro.
+A magnetic sample is paired with gravity at the time at which it was measured, not at its arrival: the sample is used a
+fixed `mag_lag_ns` after the stamp of its message, with gravity interpolated at its time. The result therefore does not
+depend on the order in which two topics arrive, live and replayed results have the same bits, and a rotating tool loses
+no accuracy. The azimuth of the hole axis hardly changes in that time. The magnetic toolface changes, so it is
+propagated by the x gyro.
 """
 
 from __future__ import annotations
@@ -123,10 +124,16 @@ class Pair:
 
 
 class MagBlock(NamedTuple):
-    """Waiting magnetic samples in order of their stamps: stamp_ns, shape (m,), and b_t, T, shape (m, 3)."""
+    """
+    Waiting magnetic samples in the order of their arrival.
+
+    stamp_ns, sent_ns, shape (m,): times at which they were measured, and stamps of their messages, ns; b_t, shape
+    (m, 3): field, T.
+    """
 
     stamp_ns: Stamps
     b_t: Array
+    sent_ns: Stamps
 
 
 STATE, ATTITUDE_ROW, PAIR = dtype_of(TimeAlignmentState), dtype_of(AttitudeRow), dtype_of(Pair)
@@ -423,8 +430,10 @@ def _run(
         sample = samples[i]
         if math.isfinite(sample.down[0] + sample.down[1] + sample.down[2]):
             _keep(s, sample)
-        while used < len(mag.stamp_ns) and mag.stamp_ns[used] <= sample.stamp_ns - p.mag_lag_ns:
+        while used < len(mag.stamp_ns) and mag.sent_ns[used] <= sample.sent_ns - p.mag_lag_ns:
             at = mag.stamp_ns[used]
+            if at > sample.stamp_ns:
+                break
             if s.recent.length > 0 and (not s.have_mag or at > s.mag_ns):
                 pair = pairs[handed_on]
                 for c in range(3):

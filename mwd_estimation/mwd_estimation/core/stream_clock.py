@@ -8,11 +8,17 @@ their jitter is the difference of their steps from whole periods. If the stamps 
 arrival, and their jitter is as large as the variation of their steps; it causes an error of the toolface while the tool
 turns. A delay that all stamps share cannot be found.
 
+A stamp is the time of a reading and does not identify a sample: a coarse clock gives one stamp to several samples. Such
+samples share a stamp; their number is counted, and the period is the time between different stamps divided by it. Exact
+copies of a message must be removed before (`repeated_samples`).
+
 A straight line is fitted to the stamps over the sample number; its slope is the period, and its memory grows to
-`_LINE_MEMORY` samples. Stamps far from the line mean that samples are missing or that the clock was set; the line then
-continues from these stamps with the same period. If all intervals are multiples of the period, the stamps are returned
-unchanged, bit for bit, whether samples are missing or not. Batches of whole periods are also returned unchanged,
-because they look like missing samples.
+`_LINE_MEMORY` stamps. Of samples that share a stamp, the first is fitted, because the clock has just advanced there;
+the times are then shifted so that the mean time of the samples is their stamp. Stamps far from the line mean that
+samples are missing or that the clock was set; the line then continues from these stamps with the same period. If all
+intervals are multiples of the period, the stamps are returned unchanged, bit for bit, whether samples are missing or
+not. Batches of whole periods with increasing stamps are also returned unchanged, because they look like missing
+samples.
 """
 
 from __future__ import annotations
@@ -25,24 +31,41 @@ from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-_MEMORY = 200  # number of samples over which the steps are averaged
-_FIRST = 50  # number of steps after which the period counts as known and the line is used
+_MEMORY = 200  # number of steps over which the steps are averaged
+_FIRST = 50  # number of samples after which the period counts as known and the line is used
+_FEW = 8  # smallest number of different stamps from which the period of samples that share stamps is known
 _SILENCE = 0.5  # longest step that is not a gap, s
+# A step after samples that share a stamp may be longer, up to this multiple of the last step.
+_LONGER = 3.0
+# Largest number of samples with one stamp, before the mean number is known, and as a multiple of this number plus a
+# margin. If more samples have the same stamp, the clock has stopped.
+_MOST, _TIMES, _MARGIN = 2000, 4.0, 60
+# Mean number of samples with one stamp above which the samples share stamps; a single pair in _MEMORY stamps is 1.005.
+_SHARED = 1.004
 # The stamps follow no period if the mean distance of the steps from whole periods is above _UNEVEN periods (random
 # steps: 0.25), or if the period found is shorter than the share _SHORTEST of the mean step.
-_UNEVEN, _SHORTEST = 0.17, 0.2
+_UNEVEN, _SHORTEST = 0.22, 0.2
 
 
 class JitterState:
-    """State of one stream. All means are exponential averages."""
+    """State of one stream. All means are exponential averages over the steps between different stamps."""
 
+    begun: bool  #: whether there was a stamp
     last_ns: int  #: stamp of the last sample, ns
     count: int  #: number of steps so far
-    period: float  #: period of the sensor, s
+    samples: int  #: number of samples in these steps
+    period: float  #: shortest usual step between stamps, s
     mean: float  #: mean step, s
     square: float  #: mean square of the steps, s^2
     off: float  #: mean distance of the steps from whole periods, in periods
     off_square: float  #: mean square distance of the steps from whole periods, s^2
+    place: int  #: number of samples with the last stamp, minus 1
+    step: float  #: last step that was not a data gap, s; the first one may be
+    #: `group`, `places`, `places_square`: means, over the stamps, of the number of samples with one stamp, and of the
+    #: sum and the sum of squares of their places 0, 1, 2, ...
+    group: float
+    places: float
+    places_square: float
 
 
 JITTER_STATE = dtype_of(JitterState)
@@ -66,20 +89,31 @@ def _sigma(state: Samples, stamps: Stamps) -> Array:
     s: JitterState = state[0]
     sigma = np.zeros(len(stamps))
     for i in range(len(stamps)):
-        step = 1e-9 * (stamps[i] - s.last_ns)
-        if s.last_ns == 0 or step > _SILENCE:
-            s.last_ns = stamps[i]
-        elif step > 0.0:
-            s.last_ns = stamps[i]
-            take_step(s, step)
-        if s.count < _FIRST:
+        if not s.begun or stamps[i] >= s.last_ns:
+            take_stamp(s, stamps[i])
+        if not is_known(s):
             continue
-        if follows_no_period(s):
-            sigma[i] = math.sqrt(max(s.square - s.mean * s.mean, 0.0))
-        else:
-            # A step is the difference of two stamps, so its variance is twice the variance of a stamp.
-            sigma[i] = math.sqrt(0.5 * s.off_square)
+        sigma[i] = jitter(s)
+        if shares_stamps(s):
+            place = s.places / s.group
+            spread = max(s.places_square / s.group - place * place, 0.0)
+            sigma[i] = math.hypot(sigma[i], sensor_period(s) * math.sqrt(spread))
     return sigma
+
+
+@compiled
+def jitter(s: JitterState) -> float:
+    """Return 1 sigma of the error of the first sample of each stamp, s."""
+    if follows_no_period(s):
+        return math.sqrt(max(s.square - s.mean * s.mean, 0.0))
+    # A step is the difference of two stamps, so its variance is twice the variance of a stamp.
+    return math.sqrt(0.5 * s.off_square)
+
+
+@compiled
+def is_known(s: JitterState) -> bool:
+    """Return whether there were enough stamps to know the period."""
+    return bool(s.count >= _FIRST or (shares_stamps(s) and s.count >= _FEW and s.samples >= _FIRST))
 
 
 @compiled
@@ -89,39 +123,92 @@ def follows_no_period(s: JitterState) -> bool:
 
 
 @compiled
+def shares_stamps(s: JitterState) -> bool:
+    """Return whether the clock is so coarse that several samples have the same stamp."""
+    return bool(s.group > _SHARED)
+
+
+@compiled
+def sensor_period(s: JitterState) -> float:
+    """Return the time between samples, s: if the stamps follow a period, also if samples are missing."""
+    if shares_stamps(s) or follows_no_period(s):
+        return s.mean / max(s.group, 1.0)
+    return s.period
+
+
+@compiled
+def stands_still(s: JitterState) -> bool:
+    """Return whether so many samples had the last stamp that the clock has stopped."""
+    return bool(s.place >= (_MOST if s.count < _FEW else _TIMES * s.group + _MARGIN))
+
+
+@compiled
+def take_stamp(s: JitterState, stamp: int) -> bool:
+    """Update the means with a stamp, ns, not earlier than the last; return whether there is a data gap before it."""
+    step = 1e-9 * (stamp - s.last_ns)
+    if s.begun and step == 0.0:
+        s.place += 1
+        return False
+    # A coarse clock makes long steps, but each of them follows several samples with one stamp.
+    gap = s.begun and step >= _SILENCE and not (s.place > 0 and step < _LONGER * s.step)
+    if s.begun and not gap:
+        take_step(s, step)
+    if s.begun and (not gap or s.count == 0):
+        s.step = step
+    s.begun, s.last_ns, s.place = True, stamp, 0
+    return bool(gap)
+
+
+@compiled
 def take_step(s: JitterState, step: float) -> None:
     """Update the period and the means with one step, s; restart them if the step is shorter than 0.6 periods."""
     if s.count == 0 or step < 0.6 * s.period:
         # The period assumed so far was two or more steps long, because samples were missing.
-        s.count, s.period = 0, step
+        s.count, s.period, s.samples = 0, step, 0
     s.count += 1
     share = max(1.0 / s.count, 1.0 / _MEMORY)
-    if step < 1.5 * s.period:
+    if step < 1.6 * s.period:
         s.period += share * (step - s.period)
     s.mean += share * (step - s.mean)
     s.square += share * (step * step - s.square)
     off = step - s.period * round(step / s.period)
     s.off += share * (abs(off) / s.period - s.off)
     s.off_square += share * (off * off - s.off_square)
+    group = s.place + 1
+    s.samples += group
+    s.group += share * (group - s.group)
+    # Sums of the first whole numbers and of their squares.
+    s.places += share * (0.5 * s.place * group - s.places)
+    s.places_square += share * (s.place * group * (2.0 * s.place + 1.0) / 6.0 - s.places_square)
 
 
-_LINE_MEMORY = 1000  # longest memory of the line, samples: the jitter of a stamp becomes 16 times smaller
+_LINE_MEMORY = 1000  # longest memory of the line, stamps: the jitter of a stamp becomes 16 times smaller
+_SHARED_MEMORY = 400  # the same for samples that share stamps: missing samples are not seen at once
 _EVEN = 1e-4  # jitter below which stamps stay unchanged, s; 1e-4 s is a toolface error of 0.07 deg at 120 r/min
-_FAR = 4.0  # a stamp farther from the line than half a period plus _FAR sigmas is late, or samples are missing
-_CONFIRMED = 4  # number of stamps in a row that are far from the line, after which the clock counts as set
-_LATE = 10.0  # periods; a stamp that is far from the line and this long after the last stamp follows a data gap
+# A stamp is far from the line, so that it is late or samples are missing, if its distance is more than half a period
+# and more than _FAR sigmas. A stamp that is more than _LATE periods after the line follows missing samples.
+_FAR, _LATE = 3.0, 10.0
+_SHARED_FAR = 1.25  # the same limit, in periods, of samples that share stamps
+# A second stamp at the same distance from the line, within this share of a period or _FAR sigmas, confirms that samples
+# are missing. If they usually are, the first stamp is enough: share of such stamps above which they usually are, and
+# weight of the newest one.
+_ALIKE, _USUALLY, _LEARNS = 0.125, 0.4, 0.1
+# A line whose distance from the stamps is more than _ASTRAY times their jitter, and than the share _LOOSE of a period,
+# is not used for the next _REST stamps: so many samples are missing that the sample number is not known.
+_ASTRAY, _LOOSE, _REST = 1.5, 0.25, 1000
 
 
 class ClockState:
     """State of the clock of one stream."""
 
-    last_ns: int  #: latest stamp, ns
     time_ns: int  #: latest time that was returned, ns
     line_s: float  #: time of the latest sample on the line, minus its stamp, s
     period: float  #: slope of the line: period of the sensor, s
-    count: int  #: number of samples since the line began, at most `_LINE_MEMORY`
+    count: int  #: number of stamps since the line began, at most `_LINE_MEMORY`; negative: number of stamps without it
     square: float  #: mean squared distance of the stamps from the line, s^2
-    far: int  #: number of samples in a row that were far from the line
+    missing: float  #: share of the stamps far from the line that followed missing samples, 0 to 1; the others were late
+    waiting: float  #: distance of the last stamp from the line, s, if it was far and is not explained yet, otherwise 0
+    moved: float  #: time, s, by which the line was moved at the last stamp, because samples seemed to be missing
 
 
 _STATE = dtype_of(ClockState)
@@ -135,9 +222,10 @@ class StreamClock:
 
     def times(self, stamps: Stamps) -> Stamps:
         """
-        Return the times at which samples were measured, ns, shape (n,); stamps: ns, shape (n,).
+        Return the times at which samples were measured, ns, shape (n,); stamps: ns, shape (n,), without exact copies.
 
-        A sample whose stamp does not advance gets a time that does not advance either.
+        The times increase, also for samples that share a stamp. A sample whose stamp is earlier than an earlier one, or
+        comes from a clock that stands still, gets a time that does not advance either.
         """
         times = np.empty_like(stamps)
         _run(self._state, self._steps, stamps, times)
@@ -150,53 +238,98 @@ def _run(state: Samples, steps: Samples, stamps: Stamps, times: Stamps) -> None:
     j: JitterState = steps[0]
     for i in range(len(stamps)):
         stamp = stamps[i]
-        if s.last_ns == 0:
-            s.last_ns = s.time_ns = stamp
-        elif stamp > s.last_ns:
-            step = 1e-9 * (stamp - s.last_ns)
-            if step < _SILENCE:
-                take_step(j, step)
-            s.last_ns = stamp
-            time = stamp
-            if not follows_no_period(j) and 0.5 * j.off_square < _EVEN * _EVEN:
-                # The stamps are multiples of one period: use them unchanged, even if samples are missing.
-                s.count = 0
-            else:
-                _follow(s, j, step)
-            if s.count >= _FIRST:
-                time = stamp + round(1e9 * s.line_s)
-            # After a restart the line may give earlier times for some samples; the returned times must still increase.
-            s.time_ns = max(time, s.time_ns + 1)
-        else:
+        if not j.begun:
+            take_stamp(j, stamp)
+            times[i] = s.time_ns = stamp
+            continue
+        if stamp < j.last_ns or (stamp == j.last_ns and stands_still(j)):
             times[i] = min(stamp, s.time_ns)
             continue
+        step = 1e-9 * (stamp - j.last_ns)
+        gap = take_stamp(j, stamp)
+        time = stamp
+        if not shares_stamps(j) and not follows_no_period(j) and 0.5 * j.off_square < _EVEN * _EVEN:
+            # The stamps are multiples of one period: use them unchanged, even if samples are missing.
+            s.count = 0
+        else:
+            _follow(s, j, step, gap)
+        if s.count >= _FIRST:
+            # The line goes through the first sample of each stamp; the mean time of the samples is their stamp.
+            time = stamp + round(1e9 * (s.line_s - s.period * j.places / max(j.group, 1.0)))
+        # After a restart the line may give earlier times for some samples; the returned times must still increase.
+        s.time_ns = max(time, s.time_ns + 1)
         times[i] = s.time_ns
 
 
 @compiled
-def _follow(s: ClockState, j: JitterState, step: float) -> None:
-    """Continue the line to the next sample; step: time from the last stamp to its stamp, s; j: statistics of steps."""
-    if s.count == 0:
-        if j.count >= _FIRST:
-            s.count, s.period, s.square = _FIRST, j.mean, j.square - j.mean * j.mean
-            s.line_s, s.far = 0.0, 0
+def _follow(s: ClockState, j: JitterState, step: float, gap: bool) -> None:
+    """
+    Continue the line to the next sample.
+
+    step: time from the last stamp to its stamp, s; j: statistics of steps; gap: whether there is a data gap before it.
+    """
+    if s.count <= 0:
+        s.count += int(s.count < 0)
+        if s.count == 0 and is_known(j):
+            s.count, s.period, s.square = _FIRST, sensor_period(j), _expected(j) ** 2
+            s.line_s, s.waiting, s.moved = j.place * s.period, 0.0, 0.0
+        return
+    s.line_s += s.period - step
+    if step == 0.0:
         return
     # Distance of the stamp from the line.
-    off, sigma = step - s.line_s - s.period, math.sqrt(max(s.square, 0.0))
-    if abs(off) > 0.5 * s.period + _FAR * sigma or step > _SILENCE:
-        s.far += 1
-        if s.far < _CONFIRMED and step < _LATE * s.period:
-            # A single sample with a late stamp was measured at the time that the line gives.
-            s.line_s = -off
-            return
-        # The clock was set, or there is a data gap; keep the period.
-        s.line_s = 0.0
-        s.count, s.far = _FIRST, 0
+    off, spread = -s.line_s, _FAR * math.sqrt(max(s.square, 0.0))
+    # A coarse clock that drifts along the samples gives now and then a sample more or less to a stamp.
+    least = _SHARED_FAR if shares_stamps(j) else 0.5
+    if abs(off) > max(least * s.period, spread) or gap:
+        _explain(s, off, max(_ALIKE * s.period, spread), gap)
         return
-    s.far = 0
-    s.count = min(s.count + 1, _LINE_MEMORY)
+    if s.waiting != 0.0:
+        s.missing -= _LEARNS * s.missing
+    if s.moved != 0.0:
+        s.missing += _LEARNS * (1.0 - s.missing)
+    s.waiting = s.moved = 0.0
+    s.count = min(s.count + 1, _SHARED_MEMORY if shares_stamps(j) else _LINE_MEMORY)
     n = float(s.count)
-    # Gains of a straight line fitted by least squares to n points, at its end.
-    s.line_s = -off + 2.0 * (2.0 * n - 1.0) / (n * (n + 1.0)) * off
-    s.period += 6.0 / (n * (n + 1.0)) * off
+    # Gains of a straight line fitted by least squares to n points, at its end; the points are `group` samples apart.
+    s.line_s += 2.0 * (2.0 * n - 1.0) / (n * (n + 1.0)) * off
+    s.period += 6.0 / (n * (n + 1.0)) * off / max(j.group, 1.0)
     s.square += max(1.0 / n, 1.0 / 200.0) * (off * off - s.square)
+    if s.square > max(_ASTRAY * _expected(j), _LOOSE * s.period) ** 2:
+        s.count = -_REST
+
+
+@compiled
+def _expected(j: JitterState) -> float:
+    """Return the expected distance, 1 sigma, of the first samples of the stamps from the line, s."""
+    # The first sample of a stamp was measured up to a period after the coarse clock advanced.
+    return max(jitter(j), 0.5 * sensor_period(j) if shares_stamps(j) else 0.0)
+
+
+@compiled
+def _explain(s: ClockState, off: float, alike: float, gap: bool) -> None:
+    """
+    Move the line by whole periods if samples are missing or the clock was set, but not if a single stamp is late.
+
+    After missing samples the next stamps are as far from the line, or farther; after a late stamp they are nearer. off:
+    distance of a stamp from the line, s; alike: largest difference of equal distances, s; gap: whether there is a data
+    gap before the stamp.
+    """
+    whole = s.period * round(off / s.period)
+    # Not nearer than the last stamp, on the same side: more samples may be missing.
+    again = (0.0 < s.waiting < off + alike and off > 0.0) or (off - alike < s.waiting < 0.0 and off < 0.0)
+    undone = s.moved != 0.0 and abs(off + s.moved) < alike
+    if undone or (again and off < 0.0):
+        s.missing -= _LEARNS * s.missing
+    elif again:
+        s.missing += _LEARNS * (1.0 - s.missing)
+    first = s.waiting == 0.0 and off > 0.0 and s.missing > _USUALLY
+    if not (gap or undone or again or first or off > _LATE * s.period):
+        # The sample was measured at the time that the line gives.
+        s.waiting, s.moved = off, 0.0
+        return
+    s.line_s += whole
+    s.moved = whole if first and not undone else 0.0
+    s.waiting = 0.0
+    if abs(off - whole) > 0.25 * s.period:
+        s.count = min(s.count, _FIRST)

@@ -11,6 +11,10 @@ The other streams may jump earlier or later than the leader. Their samples of th
 this time, even across further data gaps. Their samples of the old time are dropped after the leader has jumped. If a
 stream returns to its old time before the leader has followed, only the clock of the stream was wrong, and the waiting
 samples are dropped.
+
+If the clock is set back by the length of a data gap of the leader, the stamps of the leader go on as if nothing had
+happened. Then only another stream shows that time went back: it goes back to the time at which the leader is. The
+estimate restarts too, because it does not know how the tool turned during the gap, and with it all streams.
 """
 
 from __future__ import annotations
@@ -30,6 +34,9 @@ _PACES = 4
 # Longest first step of a stream other than the leader, ns: a thermometer sends once a second to once a minute, and its
 # sample rate is not known at the first step.
 _FIRST_STEP_NS = 60_000_000_000
+# Smallest step back of a stream, and shortest silence of the leader in the time of this stream, that can show a jump
+# which the leader does not show, ns. The silence is longer than a block, because the leader may be a block behind.
+_SILENT_NS = 5_000_000_000
 MOST_AHEAD = 500_000
 """
 Largest number of waiting samples of a stream that is ahead of the leader; later samples are dropped.
@@ -100,6 +107,24 @@ class _Beside:
         self.pace = _Pace(_FIRST_STEP_NS)
         self.waiting: list[Samples] = []
         self.jump: list[Samples] = []
+        # Latest stamp of the stream when the last block of the leader came, ns, before samples that wait.
+        self.met_ns = _NONE
+
+    def meet(self) -> None:
+        """Record where the stream is when a block of the leader comes."""
+        if not self.waiting:
+            self.met_ns = self.pace.last_ns
+
+    def lone_ns(self, lead_ns: int) -> int:
+        """
+        Return the time by which the stream has advanced since it was beside the leader, ns; 0 if it was not.
+
+        lead_ns: latest stamp of the leader, ns.
+        """
+        if abs(self.met_ns - lead_ns) > _SILENT_NS:
+            return 0
+        waited = int(self.waiting[-1]["stamp_ns"][0]) - self.first_ns if self.waiting else 0
+        return self.pace.last_ns - self.met_ns + waited
 
     @property
     def first_ns(self) -> int:
@@ -147,8 +172,11 @@ class Clocks:
         self._behind: set[str] = set()
         #: Number of samples of other streams that were dropped because their stamps do not belong to the leader's time.
         self.dropped = 0
-        #: For each jump back, the leader's latest stamp before the jump and its first stamp after the jump, ns.
+        #: For each jump back, the latest stamp before the jump and the first stamp after the jump, ns: of the leader,
+        #: or of the stream that showed a jump which the leader does not show.
         self.went_back: list[tuple[int, int]] = []
+        #: Whether another stream has shown such a jump; the caller restarts the estimate and sets it to False.
+        self.hidden_jump = False
 
     def lead(self, samples: Samples) -> list[tuple[Samples, Samples | None]]:
         """
@@ -158,12 +186,16 @@ class Clocks:
         -------
         list of (samples, new)
             `samples` belong to the time so far; samples whose jump is not confirmed are among them. An unconfirmed
-            stamp far ahead is replaced by the latest stamp, so that later stages do not take it for the present time.
+            stamp far ahead is replaced by one just before the latest stamp, so that later stages do not use the sample.
             If `new` is not None, time jumps back after `samples` and restarts with `new`: the samples that confirmed
             the jump.
         """
         stamps = samples["stamp_ns"]
-        if not len(stamps) or (not self._pending and self._lead.take_block(stamps)):
+        if not len(stamps):
+            return [(samples, None)]
+        for other in self._others.values():
+            other.meet()
+        if not self._pending and self._lead.take_block(stamps):
             return [(samples, None)]
         pieces: list[tuple[Samples, Samples | None]] = []
         start, own = 0, samples
@@ -187,7 +219,7 @@ class Clocks:
                 self._behind = {name for name, other in self._others.items() if not other.is_at(stamp)}
             elif forward:
                 own = samples.copy() if own is samples else own
-                own["stamp_ns"][i] = self._lead.last_ns
+                own["stamp_ns"][i] = self._lead.last_ns - 1
         pieces.append((own[start:], None))
         return pieces
 
@@ -199,7 +231,12 @@ class Clocks:
         other = self._others.setdefault(name, _Beside())
         if not other.waiting and name not in self._behind and other.pace.take_block(stamps):
             return samples
-        taken = [self._taken(name, other, samples[i : i + 1]) for i in range(len(stamps))]
+        taken: list[Samples] = []
+        for i in range(len(stamps)):
+            before = len(self.went_back)
+            found = self._taken(name, other, samples[i : i + 1])
+            # Samples before a jump of time do not belong to the estimate after it.
+            taken = [found] if len(self.went_back) > before else [*taken, found]
         return np.concatenate([samples[:0], *taken])
 
     def _taken(self, name: str, other: _Beside, sample: Samples) -> Samples:
@@ -216,8 +253,10 @@ class Clocks:
             other.waiting = []
             pace.begin(stamp)
             return sample
-        follows = pace.follows(stamp)
-        if not other.is_ahead and (follows or abs(stamp - self._lead.last_ns) <= BACK_NS):
+        follows, at_hand = pace.follows(stamp), abs(stamp - self._lead.last_ns) <= BACK_NS
+        # The stream went on while the leader was silent.
+        went_on = other.lone_ns(self._lead.last_ns) > _SILENT_NS
+        if not other.is_ahead and (follows or (at_hand and not went_on)):
             # There was no jump, or the leader has confirmed it already; so the stamps of waiting samples were wrong.
             self.dropped += len(other.waiting)
             other.waiting = []
@@ -230,7 +269,7 @@ class Clocks:
             before = len(other.waiting)
             other.waiting = _in_a_row(other.waiting, sample)
             self.dropped += before + 1 - len(other.waiting)
-            return sample[:0]
+            return self._jumped_unseen(name, other) if at_hand and other.is_ahead else sample[:0]
         if abs(stamp - int(other.waiting[-1]["stamp_ns"][0])) <= max(BACK_NS, _PACES * other.step_ns):
             self.dropped += len(other.jump)
             other.jump = []
@@ -238,7 +277,7 @@ class Clocks:
                 other.waiting.append(sample.copy())
             else:
                 self.dropped += 1
-            return sample[:0]
+            return self._jumped_unseen(name, other) if at_hand else sample[:0]
         other.jump = _in_a_row(other.jump, sample)
         if len(other.jump) < CONFIRMED:
             return sample[:0]
@@ -257,6 +296,25 @@ class Clocks:
         self.dropped += len(other.waiting)
         other.waiting, other.jump = other.jump, []
         return other.released() if returns else sample[:0]
+
+    def _jumped_unseen(self, name: str, other: _Beside) -> Samples:
+        """
+        Return the waiting samples of a stream, which are at the leader's time, if they show a jump back.
+
+        The other streams that went on with it have not jumped back yet.
+        """
+        latest_ns, first_ns = other.pace.last_ns, other.first_ns
+        if first_ns > latest_ns - _SILENT_NS or other.lone_ns(self._lead.last_ns) <= _SILENT_NS:
+            return other.waiting[0][:0]
+        self.went_back.append((latest_ns, first_ns))
+        self.hidden_jump = True
+        lead_ns = self._lead.last_ns
+        self._behind = {
+            one
+            for one, stream in self._others.items()
+            if one != name and stream.pace.last_ns > lead_ns + BACK_NS and not stream.is_at(lead_ns)
+        }
+        return other.released()
 
     def reached(self, before_ns: int) -> dict[str, Samples]:
         """

@@ -101,7 +101,7 @@ class GravityWithFallback:
         unusable, before = unusable & (GYRO | ACCEL), self._unusable
         self._unusable = unusable
         if unusable or followed is not None or not self._method.uses_field:
-            self._drop_mag(int((self.mag.stamp_ns <= stamps.max() - self.mag.lag_ns).sum()))
+            self._drop_mag(int((self.mag.sent_ns <= stamps.max() - self.mag.lag_ns).sum()))
         if unusable & ACCEL:
             return _unknown(len(stamps))
         if unusable & GYRO:
@@ -125,18 +125,27 @@ class GravityWithFallback:
             return track
         return self._method.run(self._params, self._state, times, gyro, accel)
 
-    def take_mag(self, stamps: Stamps, b_t: Array) -> None:
-        """Keep magnetic samples (stamps, ns; field in tool axes, T) until the IMU samples of their time arrive."""
-        mag = self.mag
-        self.mag = mag._replace(stamp_ns=np.concatenate([mag.stamp_ns, stamps]), b_t=np.concatenate([mag.b_t, b_t]))
+    def take_mag(self, time: tuple[Stamps, Stamps], b_t: Array) -> None:
+        """
+        Keep magnetic samples until the IMU samples of their time arrive.
+
+        time: stamps, ns, and times at which the samples were measured, ns; b_t: field in tool axes, T.
+        """
+        mag, (sent, stamps) = self.mag, time
+        self.mag = mag._replace(
+            stamp_ns=np.concatenate([mag.stamp_ns, stamps]),
+            b_t=np.concatenate([mag.b_t, b_t]),
+            sent_ns=np.concatenate([mag.sent_ns, sent]),
+        )
 
     def shift_mag(self, late_ns: int, lag_ns: int) -> None:
         """Subtract late_ns from the stamps of waiting magnetic samples, and set their lag, ns (`MagneticSamples`)."""
-        self.mag = self.mag._replace(stamp_ns=self.mag.stamp_ns - late_ns, lag_ns=lag_ns)
+        mag = self.mag
+        self.mag = mag._replace(stamp_ns=mag.stamp_ns - late_ns, sent_ns=mag.sent_ns - late_ns, lag_ns=lag_ns)
 
     def _drop_mag(self, count: int) -> None:
         mag = self.mag
-        self.mag = mag._replace(stamp_ns=mag.stamp_ns[count:], b_t=mag.b_t[count:])
+        self.mag = mag._replace(stamp_ns=mag.stamp_ns[count:], b_t=mag.b_t[count:], sent_ns=mag.sent_ns[count:])
 
 
 def without_faulty(unusable: int, gyro: Array, full: float) -> Array:

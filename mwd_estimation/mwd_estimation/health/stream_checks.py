@@ -26,6 +26,8 @@ _STAMP_FAULT, _STAMP_MOST = 200, 400
 # Smallest number of intervals for learning the sample rate; and multiples of the usual interval above which an interval
 # is long, and below which it is short.
 _LEARN, _LONG, _SHORT = 12, 1.4, 0.7
+# A shorter interval, ns, is that of samples with one stamp whose times are not known yet (`core.stream_clock`).
+_NO_INTERVAL_NS = 1000
 # Number of half seconds at another constant rate after which this rate becomes the usual one; and smallest number of
 # samples in such a half second.
 _SET_BINS, _FEW_INTERVALS = 60, 4
@@ -102,7 +104,7 @@ def judge_stamp(s: Any, checks: Any, stamp: int) -> int:
 @compiled
 def _pace(s: Any, samples: Samples) -> PaceCounts:
     """Return the counts of intervals of the half second; the first half second with enough of them sets the rate."""
-    if s.period == 0.0 and s.stop - s.first > _LEARN:
+    if s.period == 0.0 and s.stop - s.first > _LEARN and not _shares_stamps(s, samples):
         s.period = _usual_interval(s, samples)
     steps, long, short = 0, 0, 0
     for i in range(s.first, s.stop):
@@ -114,6 +116,13 @@ def _pace(s: Any, samples: Samples) -> PaceCounts:
         if interval > 0 or interval < -BACK_NS:
             s.last_ns = samples.stamps[i]
     return PaceCounts(steps, long, short, s.stop - s.first)
+
+
+@compiled
+def _shares_stamps(s: Any, samples: Samples) -> bool:
+    """Return whether samples of the half second have one stamp, and no times of their own yet."""
+    steps = samples.stamps[s.first + 1 : s.stop] - samples.stamps[s.first : s.stop - 1]
+    return bool(((steps > 0) & (steps < _NO_INTERVAL_NS)).any())
 
 
 @compiled

@@ -336,7 +336,14 @@ class _Rate:
     @property
     def hz(self) -> float:
         """Rate of the last samples, Hz; 0 while it is not known."""
-        steps = np.sort(_steps(list(self._stamps)[-_RATED:]))
+        if len(self._stamps) < _RATED // 2 + 1:
+            return 0.0
+        recent = list(self._stamps)[-_RATED:]
+        if len(set(recent)) < len(recent):
+            # Several samples share a stamp: count them over all steps.
+            steps = _steps(self._stamps)
+            return 1e9 * (len(self._stamps) - 1) / float(steps.sum()) if len(steps) else 0.0
+        steps = np.sort(_steps(recent))
         return 1e9 / float(steps[len(steps) // 2]) if len(steps) >= _RATED // 2 else 0.0
 
     @property

@@ -47,7 +47,7 @@ from mwd_estimation.survey.decision import Provisional
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal
 from mwd_sensors.core import input_covariance
-from mwd_sensors.core.arrays import Array, Samples
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 
 _WEAKEST = 1e-9  # a magnetic sample is a measurement only if at least one component is larger, T
 # Number of samples in a row whose stamps are not later than the newest one, after which the stamps count as stopped. It
@@ -104,7 +104,10 @@ class Estimate:
         self.bin_stage = BinStage(settings, self.field, self.watch.history, numbering)
         self._spikes = spike_filter.initial()
         self._jumps, self._precision_jumps = RateJumps(), RateJumps()
-        self._jitter, self._clock = StampJitter(), StreamClock()
+        self._jitter = StampJitter()
+        # Largest difference between times and stamps of the conventional unit in the time span so far, ns.
+        self._spread_ns = 0
+        self._clock, self._mag_clock = StreamClock(), StreamClock()
         self._attitude = AttitudeStream(
             derivation.time_alignment_params(settings),
             derivation.interference_params(settings),
@@ -122,6 +125,8 @@ class Estimate:
         self._shift_mag(mag_late_ns)
         self._ahead = {"mag": _Ahead(), "precision": _Ahead(), "temperature": _Ahead()}
         self.last_imu_ns = self._newest_ns = np.iinfo(np.int64).min
+        # Stamp, rates, forces and time of the last sample, to recognise a copy of it.
+        self._last: tuple[Stamps, Array, Stamps] | None = None
         self._standing = 0  # number of samples since the newest stamp
         self._ready = False
         self._statuses = StatusHistory(BIN_NS)
@@ -192,23 +197,25 @@ class Estimate:
 
     def _use_mag(self, samples: Samples) -> None:
         self.watch.note_declared(samples)
-        stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
+        sent, b_t = np.ascontiguousarray(samples["stamp_ns"]), samples["magnetic_field"]
+        stamps = self._mag_clock.times(sent)
         self.watch.take_mag(stamps - self.mag_late_ns, b_t)
         usable = np.isfinite(b_t).all(axis=1) & (np.abs(b_t) > _WEAKEST).any(axis=1)
         usable &= ~input_covariance.clipped(samples, "magnetic_field").any(axis=1)
-        stamps, b_t = np.ascontiguousarray(stamps[usable]), np.ascontiguousarray(b_t[usable])
+        sent, stamps, b_t = sent[usable], stamps[usable], np.ascontiguousarray(b_t[usable])
         self._counters.rejected += int(len(usable) - len(stamps))
         sound = spike_filter.run(self._spikes, stamps, b_t)
         self._counters.spikes += int(len(sound) - np.count_nonzero(sound))
-        stamps, b_t = stamps[sound], b_t[sound]
-        self._counters.late_mag += int((stamps <= self.last_imu_ns - self._mag_lag_ns).sum())
+        sent, stamps, b_t = sent[sound], stamps[sound], b_t[sound]
+        self._counters.late_mag += int((sent <= self.last_imu_ns - self._mag_lag_ns).sum())
         if len(stamps):
             self.watch.mag_used(int(stamps[0]))
         self.bin_stage.streams.add("mag", stamps, b_t)
         self.bin_stage.turning.take_mag(stamps, b_t)
-        self._attitude.take_mag(stamps - self.mag_late_ns, b_t)
-        self._delay.take_mag(stamps - self.mag_late_ns, b_t)
-        self._gravity.take_mag(stamps - self.mag_late_ns, b_t)
+        time = sent - self.mag_late_ns, stamps - self.mag_late_ns
+        self._attitude.take_mag(time, b_t)
+        self._delay.take_mag(time[1], b_t)
+        self._gravity.take_mag(time, b_t)
 
     def _use_precision(self, samples: Samples) -> None:
         stamps = np.ascontiguousarray(samples["stamp_ns"])
@@ -230,15 +237,17 @@ class Estimate:
         """
         if not len(samples):
             return Output.empty(0)
-        self._standing = 0 if samples["stamp_ns"].max() > self._newest_ns else self._standing + len(samples)
+        self._standing = 0 if samples["stamp_ns"].max() > self.last_imu_ns else self._standing + len(samples)
         if self._standing < _STANDS_STILL:
             self._use_beside()
         if not self._ready:
             self._begin(int(samples["stamp_ns"][0]))
         self.watch.note_declared(samples)
-        stamps, gyro, accel = sample_arrays(
+        sent, gyro, accel = sample_arrays(
             samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"]
         )
+        # From here on a sample has the time at which it was measured; the rows get the stamps of the messages again.
+        stamps, sigma = self._times(sent, np.hstack([gyro, accel]))
         clipped = clip_flags.of(samples)
         spans = stamps // SPAN_NS
         cuts = [0, *(np.flatnonzero(np.diff(spans)) + 1), len(spans)]
@@ -246,13 +255,36 @@ class Estimate:
         for start, stop in itertools.pairwise(cuts):
             self._correct_delay(int(spans[start]))
             part = slice(start, stop)
+            self._spread_ns = max(self._spread_ns, int(np.abs(stamps[part] - sent[part]).max()))
             given = followed.part(part) if followed is not None else None
             stretches = self.watch.stretches(stamps[part], gyro[part], accel[part])
-            pieces += [self._run_stages(stretch, clipped[part], given) for stretch in stretches]
+            beside = sent[part], sigma[part], clipped[part]
+            pieces += [self._run_stages(stretch, beside, given) for stretch in stretches]
         output, *rest = pieces
         for piece in rest:
             output = output.joined(piece)
         return output
+
+    def _times(self, sent: Stamps, values: Array) -> tuple[Stamps, Array]:
+        """
+        Return the times at which samples were measured, ns, and 1 sigma of the error of their stamps, s.
+
+        A copy of the sample before it (same stamp and values) gets the time of this sample, so that it is rejected.
+        sent: stamps, ns, shape (n,); values: rates and forces, shape (n, 6).
+        """
+        first = self._last or (sent[:0], values[:0], sent[:0])
+        before = len(first[0])
+        stamps, rows = np.concatenate([first[0], sent]), np.concatenate([first[1], values])
+        copy = np.flatnonzero(np.diff(stamps) == 0) + 1
+        copy = copy[(rows[copy] == rows[copy - 1]).all(axis=1)] - before
+        # The clock ignores a stamp that goes back.
+        counted = sent if not len(copy) else sent.copy()
+        counted[copy] -= 1
+        times, sigma = self._clock.times(counted), self._jitter.sigma(counted)
+        for k in copy.tolist():
+            times[k] = times[k - 1] if k > 0 else first[2][0]
+        self._last = sent[-1:], values[-1:], times[-1:]
+        return times, sigma
 
     def _measure_delay(self, stretch: UsableStretch, track: Track, rate_x: Array, later: NDArray[np.bool_]) -> None:
         """
@@ -276,6 +308,9 @@ class Estimate:
         if span > self._delay_span:
             self._delay_span = span
             self._shift_mag(self._delay.judge(span * SPAN_NS))
+            # Uneven stamps of both streams: a magnetic sample arrives later after its time than after its stamp.
+            self.watch.shift_mag(0, max(self.mag_late_ns, 0) + 2 * self._spread_ns)
+            self._spread_ns = 0
 
     def _shift_mag(self, late_ns: int) -> None:
         """
@@ -295,12 +330,16 @@ class Estimate:
             # Discard the estimate of the interference: it comes from fields that were paired with wrong toolfaces.
             self._attitude.restart_field()
 
-    def _run_stages(self, stretch: UsableStretch, clipped: NDArray[np.uint8], followed: Track | None) -> Output:
+    def _run_stages(
+        self, stretch: UsableStretch, beside: tuple[Stamps, Array, NDArray[np.uint8]], followed: Track | None
+    ) -> Output:
         """
         Run all stages on a stretch of samples with the same usable sensors, and return its output.
 
-        clipped: clip flags of the whole block; followed: gravity of the whole block from a smoother, or None.
+        beside: stamps of the messages, ns, 1 sigma of their error, s, and clip flags, of the whole block; followed:
+        gravity of the whole block from a smoother, or None.
         """
+        sent, sigma, clipped = beside[0][stretch.part], beside[1][stretch.part], beside[2][stretch.part]
         output = Output.empty(len(stretch.stamps))
         output.health += stretch.changes
         if stretch.begins_contamination:
@@ -309,10 +348,9 @@ class Estimate:
         stamps, accel, unusable = stretch.stamps, stretch.accel, stretch.unusable
         # Estimate gravity.
         faulty_mag = (stretch.suspect | np.uint8(unusable)) & MAG != 0
-        self._gravity.mag._replace(due_ns=stamps).leave_out(faulty_mag)
+        self._gravity.mag._replace(due_ns=sent).leave_out(stamps, faulty_mag)
         given = followed.part(stretch.part) if followed is not None else None
-        times = self._clock.times(stamps)
-        track = self._gravity.run(unusable, (stamps, times), stretch.gyro, accel, clipped[stretch.part], given)
+        track = self._gravity.run(unusable, (sent, stamps), stretch.gyro, accel, clipped, given)
         if self.settings.tool.accelerometer.assumed:
             track.status[:] |= _TOOL_ASSUMED
         toolface_dwell.run(derivation.dwell_params(self.settings), self._dwell_state, stamps, track)
@@ -320,14 +358,14 @@ class Estimate:
         later = advances(stamps, self._newest_ns)
         self._newest_ns = max(self._newest_ns, int(stamps.max()))
         # Close the bins that end here, and begin their surveys.
-        bins = self.bin_stage.close_bins(stretch, later, clipped[stretch.part], output)
+        bins = self.bin_stage.close_bins(stretch, later, clipped, output)
         # Estimate the attitude.
         gyro = without_faulty(unusable, stretch.gyro, self._gyro_range)
         self._measure_delay(stretch, track, gyro[:, 0], later)
-        self._attitude.leave_out_mag(stamps, faulty_mag)
-        samples = samples_of(stamps, gyro, accel, track, stretch.suspect)
+        self._attitude.leave_out_mag((sent, stamps), faulty_mag)
+        samples = samples_of((sent, stamps), gyro, accel, track, stretch.suspect)
         # 1 sigma of the toolface from the error of the stamp, rad.
-        turned = self._jitter.sigma(stamps) * np.abs(track.rotary_speed)
+        turned = sigma * np.abs(track.rotary_speed)
         samples["turned"] = turned
         samples["sigma_toolface"] = np.minimum(np.hypot(samples["sigma_toolface"], turned), np.pi)
         block = Block(samples, unusable, stretch.contaminated)
@@ -350,7 +388,7 @@ class Estimate:
                 output.surveys.append(self._with_status(self.bin_stage.rotary(average, rotary_speed)))
         # Summarise the drilling dynamics.
         output.dynamics = drilling_dynamics.run(self._dynamics_params, self._dynamics_state, samples, output.attitude)
-        self.last_imu_ns = int(stamps[-1])
+        self.last_imu_ns = max(self.last_imu_ns, int(sent.max()))
         return output
 
     def end_requests(self, why: Reason, output: Output) -> None:

@@ -94,6 +94,8 @@ class Pipeline:
         Settings, mount, counters, survey numbering, a given reference and stated noise are kept.
         """
         self._clocks = Clocks()
+        # Output of a restart between two blocks of the conventional unit.
+        self._ended: Output | None = None
         self._begin_anew()
 
     def _begin_anew(self, mag_late_ns: int = 0) -> None:
@@ -134,7 +136,14 @@ class Pipeline:
         self._take_beside("temperature", samples)
 
     def _take_beside(self, name: str, samples: Samples) -> None:
-        self._hand_on(name, self._clocks.beside(name, samples))
+        samples = self._clocks.beside(name, samples)
+        if self._clocks.hidden_jump:
+            self._clocks.hidden_jump = False
+            self._ended = self._ended or Output.empty(0)
+            self._estimate.end_requests(Reason(ReasonCode.TIME_WENT_BACK), self._ended)
+            self.counters.set_back += 1
+            self._begin_anew(self.mag_late_ns)
+        self._hand_on(name, samples)
 
     def _hand_on(self, name: str, samples: Samples) -> None:
         self._estimate.take_beside(name, self._onset.keep_beside(name, samples))
@@ -153,6 +162,12 @@ class Pipeline:
         samples = self.mount.imu_in_tool(self.gate.imu(samples))
         self._estimate.take_refused(self.gate.take_refused())
         self.counters.imu += len(samples)
+        ended, self._ended = self._ended, None
+        output = self._push_leader(samples, followed)
+        return output if ended is None else ended.joined(output)
+
+    def _push_leader(self, samples: Samples, followed: Track | None) -> Output:
+        """Process samples of the conventional unit after gate and mount, cut where time jumps; return their output."""
         before_ns = self._clocks.lead_ns
         (first, new), *rest = self._clocks.lead(samples)
         if new is None:

@@ -51,13 +51,13 @@ def samples(n, inclination, azimuth=1.0, rate=0.0, own=(0.0, 0.0, 0.0), sigma_ti
         down, one, one, np.zeros(n), np.full(n, rate), np.full(n, int(Status.ROTATING), dtype=np.uint32), np.zeros(n)
     )
     b_t = np.einsum("kji,j->ki", mat, FIELD_N) + own
-    return Block(samples_of(stamps, gyro, -9.81 * down, track, np.zeros(n, dtype=np.uint8))), b_t
+    return Block(samples_of((stamps, stamps), gyro, -9.81 * down, track, np.zeros(n, dtype=np.uint8))), b_t
 
 
 def follow(made, block, b_t, updates=(), seeks=(), external_from=None, open_from=None):
     """All samples as one block; bin events as the bins close, one bin late."""
     n = len(block.samples)
-    made.take_mag(block.samples["stamp_ns"], b_t)
+    made.take_mag((block.samples["sent_ns"], block.samples["stamp_ns"]), b_t)
     attitude, gravity = wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n)
     model = FieldModel((0.0, 0.0, 0.0), 2e-7, 7e-8)
     models = [

@@ -19,8 +19,9 @@ FIELD_N, DOWN = np.array([2e-5, 0.0, 4e-5]), np.array([0.0, 0.0, 1.0])
 def run(stamps, g_t, mag_ns, b_t, *, rate_x=16.2, sigma_tilt=0.0, model=None, params=None, state=None):
     """Rows, pairs and the number of magnetic samples used."""
     samples = np.zeros(len(stamps), dtype=SAMPLE)
-    samples["stamp_ns"], samples["down"], samples["rate_x"], samples["sigma_down"] = stamps, g_t, rate_x, sigma_tilt
-    state, mag = initial() if state is None else state, MagBlock(mag_ns, np.ascontiguousarray(b_t))
+    samples["stamp_ns"] = samples["sent_ns"] = stamps
+    samples["down"], samples["rate_x"], samples["sigma_down"] = g_t, rate_x, sigma_tilt
+    state, mag = initial() if state is None else state, MagBlock(mag_ns, np.ascontiguousarray(b_t), mag_ns)
     return time_alignment.run(params or TimeAlignmentParams(), state, model or CLEAN, samples, mag)
 
 

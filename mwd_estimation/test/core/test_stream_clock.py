@@ -73,9 +73,49 @@ def test_any_cut_of_the_stream_gives_the_same(cuts):
     assert np.concatenate(parts).tobytes() == StreamClock().times(stamps).tobytes()
 
 
-def test_a_stamp_that_does_not_advance_gives_no_later_time():
+@pytest.mark.parametrize("first", [slice(None, None, 2), slice(None)])
+def test_the_times_follow_a_sensor_whose_rate_changes(first):
+    true = measured(100.0, 6000)
+    second = slice(None) if first.step else slice(None, None, 2)
+    true = np.concatenate([true[:3000][first], true[3000:][second]])
+    stamps = uneven("host", true, np.random.default_rng(5))
+    error = StreamClock().times(stamps) - true
+    assert np.abs(error[200:]).max() < 25_000_000
+    late = slice(-600, None)
+    assert np.std(error[late]) < 0.15 * np.std((stamps - true)[late])
+
+
+def test_a_stamp_that_goes_back_gives_no_later_time():
     stamps = uneven("host", measured(100.0, 400), np.random.default_rng(3))
-    stamps[200], stamps[300:310] = stamps[199], stamps[290:300]
+    stamps[200], stamps[300:310] = stamps[198], stamps[290:300]
     steps = np.diff(StreamClock().times(stamps))
     assert steps[199] <= 0
     assert steps[299] <= 0
+
+
+@pytest.mark.parametrize(
+    ("hz", "tick_s"), [(100, 0.016), (400, 0.01), (100, 0.02), (50, 1.0), (10, 1.0), (100, 0.08), (104, 0.01)]
+)
+@pytest.mark.parametrize("early", [False, True])
+@pytest.mark.parametrize("drift", [0.0, 0.005])
+def test_samples_that_share_a_stamp_get_the_times_of_the_sensor(hz, tick_s, early, drift):
+    true = measured(hz, max(3000, round(60 * hz * tick_s)), drift) + 1_234_567
+    tick = round(tick_s * 1e9)
+    stamps = true // tick * tick if early else -(-true // tick) * tick
+    times = StreamClock().times(stamps)
+    late = slice(len(true) // 2, None)
+    assert np.diff(times).min() > 0
+    assert np.std((times - true)[late]) < 0.08 * np.std((stamps - true)[late])
+    # The mean over the samples is that of the stamps, within the period that a coarse clock cannot show.
+    assert abs(np.mean((times - stamps)[late])) < 1.0e9 / hz
+
+
+@pytest.mark.parametrize("missing", [0.01, 0.3])
+@pytest.mark.parametrize("kind", ["host", "rounded"])
+def test_missing_samples_do_not_lead_uneven_stamps_astray(kind, missing):
+    rng = np.random.default_rng(5)
+    true = measured(100.0, 6000)[rng.random(6000) >= missing]
+    stamps = uneven(kind, true, rng)
+    late = slice(len(true) // 3, None)
+    error = (StreamClock().times(stamps) - true)[late]
+    assert np.std(error) < 0.15 * np.std((stamps - true)[late])

@@ -125,10 +125,30 @@ def test_a_single_stamp_of_the_future_changes_nothing_either(ahead):
     clocks.lead(samples(100, 100.1))
     ((block, new),) = clocks.lead(samples(100.2, 100.2 + ahead, 100.3, 100.4))
     assert new is None
-    # What comes behind sees the time stand still for a sample, so that it rejects it.
-    assert seconds(block) == [100.2, 100.2, 100.3, 100.4]
+    # What comes behind sees the time go back for a sample, so that it rejects it.
+    assert block["stamp_ns"][1] < block["stamp_ns"][0]
+    assert seconds(block) == pytest.approx([100.2, 100.2, 100.3, 100.4], abs=1e-6)
     assert seconds(clocks.beside("mag", samples(100, 100.1, 100.1 + ahead, 100.2, 100.3))) == [100, 100.1, 100.2, 100.3]
     assert (clocks.dropped, clocks.went_back, clocks.lead_ns) == (1, [], 100_400_000_000)
+
+
+@pytest.mark.parametrize("set_at", [100.0, 115.0, 130.0])
+@pytest.mark.parametrize("off", [-0.9, 0.0, 0.9])
+def test_a_clock_set_back_by_the_length_of_a_gap_of_the_leader_shows_in_the_other_stream(set_at, off):
+    clocks, true = Clocks(), np.arange(90.0, 140.0, 0.1)
+    stamps = np.where(true > set_at, true - 30.0 + off, true)
+    given, hidden = [], []
+    for place in range(len(true)):
+        given += seconds(clocks.beside("mag", samples(stamps[place])))
+        hidden += [place] if clocks.hidden_jump else []
+        clocks.hidden_jump = False
+        if not 100.0 < true[place] < 130.0:
+            clocks.lead(samples(stamps[place]))
+            given += [s for waited in clocks.reached(clocks.lead_ns).values() for s in seconds(waited)]
+    assert len(hidden) == 1
+    assert len(clocks.went_back) == 1
+    # Nothing of the new time is lost once the leader is there.
+    assert given[-90:] == pytest.approx(stamps[-90:].tolist())
 
 
 def test_after_a_data_gap_the_leader_goes_on_and_no_sample_beside_it_is_lost():

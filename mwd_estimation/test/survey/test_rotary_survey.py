@@ -34,7 +34,7 @@ def turning(seconds, rate=12.0, own=(0.0, 4e-7, -3e-7), shake=5.0, seed=1):
     at = np.arange(0, n, 20)
     pairs = np.zeros(len(at), dtype=PAIR)
     pairs["place"], pairs["stamp_ns"], pairs["g_t"], pairs["b_t"] = at, stamps[at], down[at], b_t[at]
-    return samples_of(stamps, gyro, accel, track, np.zeros(n, dtype=np.uint8)), pairs
+    return samples_of((stamps, stamps), gyro, accel, track, np.zeros(n, dtype=np.uint8)), pairs
 
 
 def cut(block, part):

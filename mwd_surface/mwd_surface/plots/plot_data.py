@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.core.stream_clock import StreamClock
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.calibration.allan import AllanCurve, allan
 from mwd_sensors.core import wire
@@ -277,11 +278,13 @@ class _SpectrumPen(_Pen):
     def __init__(self, topic: str, type_name: str, data: PlotData) -> None:
         super().__init__(topic)
         self.vectors, self.data = _VECTORS[type_name], data
+        self._clock = StreamClock()
         self.spectra: list[Spectrum] = []
 
     def draw(self, part: tuple[Stamps, Any]) -> None:
         log_ns, samples = part
-        stamps = _times(log_ns, samples)
+        # Use the times of the sensor: samples may share a stamp.
+        stamps = self._clock.times(_times(log_ns, samples))
         if not self.spectra and not self._begin(stamps):
             return
         fresh = np.concatenate([[True], np.diff(stamps) > 0])

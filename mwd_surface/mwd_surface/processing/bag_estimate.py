@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core import clip_flags
 from mwd_estimation.core.rate_jumps import RateJumps
+from mwd_estimation.core.stream_clock import StreamClock
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import smoother as gravity_smoother
 from mwd_estimation.gravity.bounded.filter import BoundedParams
@@ -608,7 +609,7 @@ class ImuQueue:
     def __init__(self, smooth: BoundedParams | None = None, mount: Mount | None = None) -> None:
         self._mount = mount or resolve(MountSettings())
         self._smoother = gravity_smoother.Smoother(smooth) if smooth is not None else None
-        self._jumps = RateJumps()
+        self._jumps, self._clock = RateJumps(), StreamClock()
         self._new: list[tuple[Samples, Stamps]] = []
         self._old: list[tuple[Samples, Stamps]] = []
 
@@ -661,15 +662,15 @@ class ImuQueue:
         if smoother is None:
             return Track.empty(0)
         samples = self._mount.imu_in_tool(samples)
-        stamps, accel = samples["stamp_ns"], samples["linear_acceleration"]
-        # Remove rate jumps as the estimator does.
+        # Use the times of the sensor, and remove rate jumps, as the estimator does.
+        stamps, accel = self._clock.times(samples["stamp_ns"]), samples["linear_acceleration"]
         gyro = self._jumps.without(stamps, np.ascontiguousarray(samples["angular_velocity"]))
         return smoother.push(stamps, gyro, accel, clip_flags.of(samples))
 
     def _finished(self) -> Iterator[Imu]:
         if self._smoother is not None and self._old:
             rest = self._smoother.finish()
-            self._smoother = self._smoother.continued()
+            self._smoother, self._clock = self._smoother.continued(), StreamClock()
             yield from self._taken([rest])
 
     def _taken(self, parts: list[Track]) -> Iterator[Imu]:

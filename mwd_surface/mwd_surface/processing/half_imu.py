@@ -4,7 +4,8 @@ Pairing of inertial data that arrive in halves: gyro and accelerometer on two to
 
 Drivers write a vector that a message does not carry as zeros, as NaN, or with a covariance that begins with -1
 (REP-145). A specific force of exactly zero is not a measurement. The accelerometer is interpolated to the times of the
-gyro, so that equal times give exactly the numbers of a complete message.
+gyro, so that equal times give exactly the numbers of a complete message. The times are those of the sensors
+(`core.stream_clock`): samples that share a stamp are apart.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from enum import StrEnum, unique
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.core.stream_clock import StreamClock
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Samples, Stamps
 
@@ -92,7 +94,9 @@ class Joiner:
 
     def __init__(self, kind: ImuKind) -> None:
         self._kind = kind
-        self._gyro: list[tuple[Stamps, Samples]] = []
+        self._gyro_clock, self._accel_clock = StreamClock(), StreamClock()
+        # Log times, samples and times of the waiting gyro messages, and times of the accelerometer, ns.
+        self._gyro: list[tuple[Stamps, Samples, Stamps]] = []
         self._accel_ns = np.empty(0, dtype=np.int64)
         self._accel = np.empty((0, 3))
         self._covariance = np.zeros(9)
@@ -115,7 +119,7 @@ class Joiner:
             accel = log_ns[~no_accel], samples[~no_accel]
             gyro = log_ns[has_gyro], samples[has_gyro]
         if gyro is not None and len(gyro[0]):
-            self._gyro.append(gyro)
+            self._gyro.append((*gyro, self._gyro_clock.times(np.ascontiguousarray(gyro[1]["stamp_ns"]))))
         if accel is not None and len(accel[0]):
             self._take_accel(accel[1])
         return self._joined(int(self._accel_ns[-1]) if len(self._accel_ns) else None)
@@ -129,7 +133,7 @@ class Joiner:
         return self._joined(2**62)
 
     def _take_accel(self, samples: Samples) -> None:
-        new = samples["stamp_ns"]
+        new = self._accel_clock.times(np.ascontiguousarray(samples["stamp_ns"]))
         order = np.argsort(new, kind="stable")
         later = order[new[order] > (self._accel_ns[-1] if len(self._accel_ns) else -(2**62))]
         self._accel_ns = np.concatenate([self._accel_ns, new[later]])
@@ -140,7 +144,7 @@ class Joiner:
 
     def _joined(self, until_ns: int | None) -> tuple[Stamps, Samples] | None:
         """
-        Remove the gyro samples up to the stamp `until_ns`, ns, and return them with interpolated specific force.
+        Remove the gyro samples up to the time `until_ns`, ns, and return them with interpolated specific force.
 
         Returns log times, ns, and samples; None if there are no such samples, or no accelerometer samples yet.
         """
@@ -148,12 +152,13 @@ class Joiner:
             return None
         log_ns = np.concatenate([part[0] for part in self._gyro])
         samples = np.concatenate([part[1] for part in self._gyro])
-        ready = int(np.searchsorted(np.maximum.accumulate(samples["stamp_ns"]), until_ns, "right"))
-        self._gyro = [(log_ns[ready:], samples[ready:])] if ready < len(samples) else []
+        times = np.concatenate([part[2] for part in self._gyro])
+        ready = int(np.searchsorted(np.maximum.accumulate(times), until_ns, "right"))
+        self._gyro = [(log_ns[ready:], samples[ready:], times[ready:])] if ready < len(samples) else []
         if not ready:
             return None
         log_ns, samples = log_ns[:ready], samples[:ready].copy()
-        stamps, known = samples["stamp_ns"], self._accel_ns
+        stamps, known = times[:ready], self._accel_ns
         after = np.searchsorted(known, stamps).clip(max=len(known) - 1)
         before = np.where(known[after] == stamps, after, np.maximum(after - 1, 0))
         origin = int(known[0])

@@ -23,6 +23,7 @@ from mwd_estimation.core.fault_messages import describe, unit_words
 from mwd_estimation.core.input_gate import InputGate
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
+from mwd_estimation.core.stream_clock import StreamClock
 from mwd_estimation.health import monitor
 from mwd_estimation.health.motion_window import TURNING
 from mwd_estimation.settings import derivation
@@ -238,6 +239,7 @@ def _read(
     rests = Rests(estimator.survey)
     reading = _InspectionPass(given, estimator, {name: StreamTimes() for name in topics.all}, rests)
     stream = InputStream(bag, topics, given)
+    clocks = {topics.imu: StreamClock(), topics.mag: StreamClock()}
     first, absent = True, set[int]()
     for block in stream.blocks():
         samples = {name: part[1] for name, part in block.items()}
@@ -248,6 +250,9 @@ def _read(
                 # Remove vectors that covariances declare absent, as `mwd process` does.
                 samples[unit], notes = input_covariance.judge(samples[unit], layout.type_name)
                 absent |= {_SENSORS[vector] for vector, note in notes.items() if note == input_covariance.ABSENT}
+                # Use the times of the sensor, as `mwd process` does.
+                samples[unit] = samples[unit].copy()
+                samples[unit]["stamp_ns"] = clocks[unit].times(np.ascontiguousarray(samples[unit]["stamp_ns"]))
         if topics.mag in samples and "mag" not in mount.unusable:
             mag = mount.mag_in_tool(gate.mag(samples[topics.mag]))
             monitor.push_mag(state, mag["stamp_ns"], mag["magnetic_field"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Times of one topic of a recording: rate, gaps, stamps that do not advance, and offset from the recorder's clock."""
+"""Times of one topic of a recording: rate, gaps, shared stamps, stamps that go back, and offset from the recorder."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ class StreamTimes:
     """Times of the samples of a topic, read block by block."""
 
     def __init__(self) -> None:
-        #: Number of samples, gaps, and stamps that do not advance.
-        self.count = self.gaps = self.backwards = 0
+        #: Number of samples, gaps, samples with the stamp of the sample before them, and stamps that go back.
+        self.count = self.gaps = self.shared = self.backwards = 0
         self.first_ns = self.last_ns = 0  #: first and last stamp; 0 before any sample
         #: Length of the longest gap, and time from the first sample to the beginning of this gap.
         self.longest_gap_s = self.gap_at_s = 0.0
-        self._interval_s = self._burst_s = math.nan
+        # Interval between samples, between stamps, and between bursts of stamps, s.
+        self._interval_s = self._step_s = self._burst_s = math.nan
         self._offsets: list[tuple[int, float]] = []
 
     def take(self, stamp_ns: Stamps, log_ns: Stamps) -> None:
@@ -43,10 +44,13 @@ class StreamTimes:
         self.first_ns = self.first_ns if self.count else begin
         steps = np.diff(stamp_ns, prepend=begin) * 1e-9
         forward = steps[1:] if self.count == 0 else steps
-        self.backwards += int(np.count_nonzero(forward <= 0.0))
-        if math.isnan(self._interval_s) and (forward > 0.0).any():
-            self._interval_s, self._burst_s = _intervals(forward[forward > 0.0])
-        limit = max(_INTERVALS * self._interval_s, _BURSTS * self._burst_s, _SHORTEST_S)
+        self.backwards += int(np.count_nonzero(forward < 0.0))
+        self.shared += int(np.count_nonzero(forward == 0.0))
+        advances = forward > 0.0
+        if math.isnan(self._step_s) and advances.any():
+            self._step_s, self._burst_s = _intervals(forward[advances])
+            self._interval_s = self._step_s * np.count_nonzero(advances) / np.count_nonzero(forward >= 0.0)
+        limit = max(_INTERVALS * self._step_s, _BURSTS * self._burst_s, _SHORTEST_S)
         # A clock that is set forward during the recording also counts as a gap.
         long = np.flatnonzero(steps > limit)
         self.gaps += len(long)
@@ -67,7 +71,7 @@ class StreamTimes:
     @property
     def bursts(self) -> bool:
         """Whether stamps come in bursts, like those of messages stamped on arrival."""
-        return self._burst_s > _BURSTS * self._interval_s
+        return self._burst_s > _BURSTS * self._step_s
 
     @property
     def offset_s(self) -> float:
@@ -106,13 +110,15 @@ class StreamTimes:
                 f"samples are stamped in bursts of {each} every {self._burst_s:.3g} s, as if stamped on arrival; stamp "
                 "each sample when it is measured"
             )
-        if self.backwards:
-            one = self.backwards == 1
+        if self.shared == 1:
+            found.append("a sample has the stamp of the sample before it")
+        elif self.shared:
             found.append(
-                "a stamp does not advance: it repeats or goes back"
-                if one
-                else f"{self.backwards} stamps do not advance: they repeat or go back"
+                f"{self.shared} of {self.count} samples have the stamp of the sample before them, as from a coarse "
+                "clock or a batch with one stamp; their times are estimated; stamp each sample when it is measured"
             )
+        if self.backwards:
+            found.append("a stamp goes back" if self.backwards == 1 else f"{self.backwards} stamps go back")
         if abs(self.drift) > PACE:
             # A simulation or a replay at another speed: the difference of the clocks grows, and has no meaning.
             found.append(

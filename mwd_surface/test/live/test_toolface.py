@@ -40,7 +40,8 @@ def test_the_mode_is_the_estimators_through_its_hysteresis_and_at_any_inclinatio
     samples = np.zeros(122, dtype=SAMPLE)
     samples["stamp_ns"] = np.arange(122) * 10**7
     samples["down"][:, 0], samples["down"][:, 2] = np.cos(inclination), np.sin(inclination)
-    no_field = MagBlock(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+    none = np.zeros(0, dtype=np.int64)
+    no_field = MagBlock(none, np.zeros((0, 3)), none)
     params = TimeAlignmentParams(vertical_enter=np.radians(5.0), vertical_leave=np.radians(6.0))
     model = FieldModel((0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
     rows, _, _ = time_alignment.run(params, initial(), model, samples, no_field)

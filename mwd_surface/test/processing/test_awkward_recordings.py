@@ -276,6 +276,21 @@ def test_halves_are_joined_alike_however_the_stream_is_cut(cut, sent, tmp_path):
     assert np.abs(whole["linear_acceleration"][:1000] - force[:1000]).max() < 0.1
 
 
+@pytest.mark.parametrize("cut", [37, 1000])
+def test_halves_whose_samples_share_stamps_are_joined_by_the_times_of_the_sensor(cut, sent, tmp_path):
+    (_, layout, imu, log_ns), mag = sent
+    imu = awkward.changed(imu[:3000], stamp_ns=imu["stamp_ns"][:3000] // 16_000_000 * 16_000_000)
+    gyro, accel = awkward.halves(imu)
+    path = awkward.written(
+        tmp_path / "b", [("/g", layout, gyro, log_ns[:3000]), ("/f", layout, accel, log_ns[:3000]), mag]
+    )
+    with Bag(path) as bag:
+        topics = find_topics(bag, InputSettings())
+        found = joined(InputStream(bag, topics, InputSettings()), bag.blocks(topics.all, block_messages=cut))
+    assert (found["stamp_ns"] == imu["stamp_ns"]).all()
+    assert (found["linear_acceleration"] == imu["linear_acceleration"]).all()
+
+
 def joined(stream, blocks):
     found = [stream.take(block) for block in blocks] + [stream.finish()]
     return np.concatenate([block["/g"][1] for block in found if "/g" in block])

@@ -70,6 +70,26 @@ def test_a_clock_that_is_set_midway_is_refused_with_the_option_that_restores_the
     assert surveys(path, stamps="recording") == expected
 
 
+@pytest.mark.parametrize("tick_s", [0.016, 0.08])
+def test_a_recording_whose_samples_share_stamps_has_the_rate_and_the_surveys_of_the_sensor(
+    tick_s, sent, expected, tmp_path
+):
+    tick = round(tick_s * SECOND)
+    streams = [
+        (name, layout, awkward.changed(samples, stamp_ns=samples["stamp_ns"] // tick * tick), at)
+        for name, layout, samples, at in sent
+    ]
+    path = awkward.written(tmp_path / "bag", streams)
+    for one, other in zip(surveys(path), expected, strict=True):
+        assert one[1] == other[1]
+        assert one[2:5] == pytest.approx(other[2:5], abs=1e-3)
+    times = StreamTimes()
+    for part in np.array_split(streams[0][2]["stamp_ns"], 7):
+        times.take(part, part)
+    assert times.rate == pytest.approx(100.0, rel=0.02)
+    assert (times.backwards, times.gaps, times.bursts) == (0, 0, False)
+
+
 @pytest.mark.parametrize("speed", [0.5, 2.0, 20.0])
 def test_a_run_at_another_speed_has_its_surveys_and_no_clock_that_is_ahead(speed, sent, expected, tmp_path):
     """`mwd run --rate 2`: the stamps advance twice as fast as the recorder's clock."""

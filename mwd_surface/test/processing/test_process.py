@@ -389,7 +389,7 @@ def test_samples_that_cannot_be_used_keep_their_line(tmp_path):
     imu, _ = recording(tmp_path / "whole", seconds=3.0)
     imu["linear_acceleration"][0] = math.nan
     imu["linear_acceleration"][100:103] = math.nan
-    imu["stamp_ns"][150] = imu["stamp_ns"][149]
+    imu["stamp_ns"][150] = imu["stamp_ns"][148]
     logged = START + np.arange(len(imu)) * 10_000_000
     summary = run(written(tmp_path / "bag", (IMU, imu, logged)), tmp_path / "out")
     lines = attitude(tmp_path / "out")
@@ -426,8 +426,8 @@ def test_a_sensor_that_fails_is_named_with_its_time(still, tmp_path):
     assert "accelerometer z axis is stuck" in line["message"]
 
 
-def repeated(stamps):
-    stamps[4::5] = stamps[3::5]
+def backwards(stamps):
+    stamps[4::5] = stamps[2::5]
 
 
 def set_back(stamps):
@@ -437,13 +437,11 @@ def set_back(stamps):
 @pytest.mark.parametrize(
     ("change", "rejected", "said"),
     [
-        (repeated, 160, "160 of 800 IMU samples were refused"),
+        (backwards, 160, "160 of 800 IMU samples were refused"),
         (set_back, 3, "time went back once, by 3.0 s, 4.0 s after the start: the estimate restarted"),
     ],
 )
-def test_stamps_that_repeat_or_go_back_are_reported_once_and_the_estimate_goes_on(
-    still, tmp_path, change, rejected, said
-):
+def test_stamps_that_go_back_are_reported_once_and_the_estimate_goes_on(still, tmp_path, change, rejected, said):
     imu = still.imu[:800].copy()
     change(imu["stamp_ns"])
     summary = run(written(tmp_path / "bag", (IMU, imu, still.imu["stamp_ns"][:800])), tmp_path / "out")

@@ -37,30 +37,37 @@ _NEAR_VERTICAL_SINE2 = math.sin(track.NEAR_VERTICAL_BELOW) ** 2
 
 
 class MagneticSamples(NamedTuple):
-    """Magnetic samples in tool axes that wait for the filter, in order of their stamps."""
+    """Magnetic samples in tool axes that wait for the filter, in the order of their arrival."""
 
-    stamp_ns: Stamps  #: stamps, ns, shape (m,)
+    stamp_ns: Stamps  #: times at which they were measured, ns, shape (m,)
     b_t: Array  #: field, T, shape (m, 3)
-    #: Lag, ns: a magnetic sample is used at the first sample of the conventional unit that is at least this much later.
+    #: Lag, ns: a magnetic sample is used at the first sample of the conventional unit whose stamp is at least this much
+    #: later, and that was not measured before it.
     lag_ns: int
-    #: Stamps, ns, shape (n,), of the samples of the conventional unit, from which the lag is counted. If it is empty,
-    #: the lag is counted from the times at which these samples were measured.
+    #: `due_ns`, `sent_ns`: stamps, ns, of the samples of the conventional unit, shape (n,), and of the magnetic
+    #: samples, shape (m,), between which the lag is counted. If `due_ns` is empty, it is counted from the times at
+    #: which the samples of the conventional unit were measured.
     due_ns: Stamps
+    sent_ns: Stamps
 
     @classmethod
     def none(cls, lag_ns: int = 0) -> MagneticSamples:
         """Return an instance without samples; lag_ns: see the attribute of this name."""
-        return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), lag_ns, np.zeros(0, dtype=np.int64))
+        none = np.zeros(0, dtype=np.int64)
+        return cls(none, np.zeros((0, 3)), lag_ns, none, none)
 
-    def leave_out(self, out: NDArray[np.bool_]) -> None:
+    def leave_out(self, times: Stamps, out: NDArray[np.bool_]) -> None:
         """
         Replace magnetic samples that would be used at samples marked in `out` by NaN, in place.
 
-        out: bool, shape (n,), one value for each sample of the conventional unit in `due_ns`.
+        times, out: times at which the samples of the conventional unit in `due_ns` were measured, ns, and marks, shape
+        (n,) each.
         """
         if not out.any():
             return
-        turn = np.searchsorted(np.maximum.accumulate(self.due_ns), np.maximum.accumulate(self.stamp_ns) + self.lag_ns)
+        turn = np.searchsorted(np.maximum.accumulate(self.due_ns), np.maximum.accumulate(self.sent_ns) + self.lag_ns)
+        measured = np.searchsorted(np.maximum.accumulate(times), np.maximum.accumulate(self.stamp_ns))
+        turn = np.maximum(turn, measured)
         left = turn < len(self.due_ns)
         left[left] = out[turn[left]]
         self.b_t[left] = math.nan

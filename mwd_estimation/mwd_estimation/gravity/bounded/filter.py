@@ -151,7 +151,7 @@ def _run(
                 field_roll.begin_anew(s.field, stamps[i])
             non_gravity = _take(p, s, dt, w, f, flags[i], stamps[i])
             field_roll.follow_turn(s, stamps[i])
-            _take_mag(s.field, mag, mag.due_ns[i] if len(mag.due_ns) > 0 else stamps[i])
+            _take_mag(s.field, mag, mag.due_ns[i] if len(mag.due_ns) > 0 else stamps[i], stamps[i])
             tick = TICK if s.clipping.sign == 0.0 else CLIPPED_TICK
             if s.started and s.sums.time >= tick - 1e-6:
                 _update(p, s, s.last_w, i, log)
@@ -173,9 +173,15 @@ def _run(
 
 
 @compiled
-def _take_mag(f: Field, mag: MagneticSamples, stamp_ns: int) -> None:
-    """Store the newest magnetic sample that is due at the sample of the conventional unit with this stamp, ns."""
-    while f.used < len(mag.stamp_ns) and mag.stamp_ns[f.used] <= stamp_ns - mag.lag_ns:
+def _take_mag(f: Field, mag: MagneticSamples, stamp_ns: int, time_ns: int) -> None:
+    """
+    Store the newest magnetic sample that is due at a sample of the conventional unit.
+
+    stamp_ns, time_ns: stamp of this sample, and time at which it was measured, ns.
+    """
+    while f.used < len(mag.stamp_ns) and mag.sent_ns[f.used] <= stamp_ns - mag.lag_ns:
+        if mag.stamp_ns[f.used] > time_ns:
+            break
         f.stamp_ns = mag.stamp_ns[f.used]
         for j in range(3):
             f.b_t[j] = mag.b_t[f.used, j]

@@ -44,7 +44,9 @@ def followed(data, size=10**9, params=None):
     for start in range(0, len(stamps), size):
         part = slice(start, start + size)
         waiting = slice(used, min(start + size, len(stamps)))
-        mag = MagneticSamples(stamps[waiting], np.ascontiguousarray(field[waiting]), LAG_NS, stamps[:0])
+        mag = MagneticSamples(
+            stamps[waiting], np.ascontiguousarray(field[waiting]), LAG_NS, stamps[:0], stamps[waiting]
+        )
         parts.append(bounded.run(params, state, stamps[part], gyro[part], accel[part], None, mag))
         used += state.field_used
     return type(parts[0])._make(np.concatenate(column) for column in zip(*parts, strict=True))
