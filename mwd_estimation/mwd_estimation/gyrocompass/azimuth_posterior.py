@@ -24,6 +24,8 @@ from mwd_sensors.core.frames import wrap_pi
 # the width of this interval for a Gaussian, in sigmas. A mistake with a probability below 1 % does not widen sigma.
 _WITHIN = 0.99
 _WITHIN_SIGMAS = NormalDist().inv_cdf(0.5 + 0.5 * _WITHIN)
+# Least probability of a mode that counts. A less probable mode is within sigma, and does not ask for another reading.
+_LEAST_SHARE = 0.005
 # Smallest width of a peak that the coarse grid resolves, rad; and largest ratio of the widths of two peaks that use the
 # same grid.
 _NARROW, _ALIKE = 0.1, 1.4
@@ -56,7 +58,7 @@ class OnCircle:
     misfit: (
         float  #: squared distance, in sigmas, of the most likely Gaussian's Earth rate from its value at the latitude
     )
-    several: tuple[float, ...]  #: angles that fit equally well, rad; empty if there is only one
+    several: tuple[float, ...]  #: angles that fit, each with more than 0.5 %, rad; empty if there is only one
     log_evidence: float  #: log evidence of all Gaussians, up to a constant that all latitudes share
 
 
@@ -167,8 +169,20 @@ def posterior(parts: Mixture, horizontal: float, expected: float | None = None) 
     total = total[k, n]
     mean = math.atan2(float(weight @ np.sin(total)), float(weight @ np.cos(total)))
     variance = float(weight @ (wrap_pi(total - mean) ** 2 + parts.own[k]))
-    several = tuple(angles) if len(angles) > 1 else ()
+    shares = _shares(angles, angle[n], weight)
+    counted = [mode for mode, share in zip(angles, shares, strict=True) if share > _LEAST_SHARE]
+    several = tuple(counted) if len(counted) > 1 else ()
     return OnCircle(mean, min(math.sqrt(variance), math.pi), misfit, several, math.log(whole) - 0.5 * least)
+
+
+def _shares(modes: Sequence[float], angle: Array, weight: Array) -> Array:
+    """
+    Return the probability of each mode, shape (m,), as the sum over all angles to which this mode is the nearest.
+
+    modes: angles of the modes, rad; angle, weight, shape (n,): angles, rad, and their probabilities.
+    """
+    nearest = np.argmin(np.abs(wrap_pi(angle - np.array(modes)[:, None])), axis=0)
+    return np.asarray(np.bincount(nearest, weight, len(modes)), dtype=float)
 
 
 def sigma_of_mixture(weight: Array, off: Array, sigmas: Sequence[float]) -> float:

@@ -76,6 +76,12 @@ def test_parts_are_weighed_by_their_evidence_and_by_how_well_they_fit_the_circle
     assert off.sigma == pytest.approx(azimuth_posterior.posterior(wide, RATE).sigma, rel=0.01)
 
 
+@pytest.mark.parametrize(("log_odds", "modes"), [(-4.0, 2), (-7.0, 0)])
+def test_a_mode_counts_only_if_it_is_probable_enough_to_matter(log_odds: float, modes: int) -> None:
+    parts = several(one(1.0, 0.1), one(-2.0, 0.1, log_odds))
+    assert len(azimuth_posterior.posterior(parts, RATE).several) == modes
+
+
 def test_the_misfit_is_that_of_the_part_that_answers_not_of_an_unlikely_one_that_fits() -> None:
     answers, unlikely = one(1.0, 0.1, length=1.5), one(2.5, 1.0, log_weight=-60.0)
     alone = azimuth_posterior.posterior(answers, RATE)

@@ -15,6 +15,7 @@ from scipy.stats import multivariate_normal
 from mwd_estimation.gyrocompass import gyro_errors
 from mwd_estimation.gyrocompass.azimuth_posterior import posterior
 from mwd_estimation.gyrocompass.gyro_errors import GyroErrors, Sought
+from mwd_estimation.gyrocompass.seek_refusal import WORST_SIGMA
 from mwd_estimation.gyrocompass.seek_state import SeekParams, kernel_params
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, EARTH_RATE
@@ -163,6 +164,28 @@ def test_biases_that_step_after_they_are_known_are_found_again(units):
     z = np.array(off) / sigma
     assert np.mean(np.abs(z) > 3.0) < 0.05
     assert np.mean(z**2) < 2.0
+
+
+@pytest.mark.slow(4)
+@DRAWN
+def test_a_ramp_that_lasts_is_found_in_a_run_and_makes_few_azimuths_wrong(units):
+    """Biases that drift steadily by 10 deg/h per hour, either way, where 3 deg/h per hour are stated."""
+    rng, off, sigma, late = np.random.default_rng(11), [], [], []
+    for _ in range(units):
+        true, known = 5.0 * DEG_PER_HOUR * rng.standard_normal(3), gyro_errors.stated(PARAMS)
+        ramp = 10.0 * DEG_PER_HOUR * rng.choice([-1.0, 1.0], 3)
+        for k in range(7):
+            heading = rng.uniform(0.0, math.tau)
+            found = sought(*reading(true, heading, rng, any_toolface(rng)))
+            error, one = azimuth(known, found, heading)
+            if one < WORST_SIGMA:
+                off.append(error)
+                sigma.append(one)
+                late.append(k > 3)
+            known = half_an_hour_later(known, found)
+            true = true + 0.5 * ramp
+    assert np.count_nonzero(late) > units
+    assert np.mean(np.abs(off) > 3.0 * np.array(sigma)) < 0.03
 
 
 def test_a_vertical_rate_that_the_latitude_does_not_have_is_a_misfit_in_sigmas():
