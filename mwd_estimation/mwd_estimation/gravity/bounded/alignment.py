@@ -72,6 +72,8 @@ def begin_roll(s: BoundedRecord) -> None:
     """Restart if only the roll is lost; keep the inclination, which the rates across the axis still give."""
     down, tilt = s.C[2, 0], clipping.split_tilt(s)
     begin(s)
+    # The roll from the mean force may be wrong by a large angle.
+    s.clipping.seen = True
     s.kept_down, s.kept_tilt = down, tilt
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 
 from mwd_estimation.core import track
+from mwd_estimation.gravity.bounded import clipping
 from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SLOPE, TILT, VEL, BoundedRecord
 from mwd_sensors.core.arrays import Array, Vector
@@ -38,6 +39,9 @@ CROSS_TURN = 5.0  # 1 sigma of the rate that is lost while a cross-axis gyro cli
 LONG_STEP = 1.6  # if a step of the stamps is above this multiple of the usual step, samples are missing
 DOWN_WALK = 1e-4  # m/s^2/sqrt(s), random walk of the vertical force error
 CLIP_JERK = 200.0  # rad/s^2/sqrt(s), random walk of the slope of a clipped rate
+# A wrong roll of sigma a moves gravity by a second-order part of the variance 3/4 g^2 a^4 (the variance of 1 - cos),
+# which lasts until the roll is corrected, about 0.3 s.
+CURVED = 0.75 * 0.3
 RATE_MEMORY = 5.0  # averaging time of the squared changes of the rates between updates, s
 TURNING_MEMORY = 10.0  # averaging time of the rate about the axis, s
 FORCE_MEMORY = 3.0  # averaging time of the force that shows a lost attitude, s
@@ -185,6 +189,7 @@ def add_noise(p: BoundedParams, s: BoundedRecord) -> float:
     P, T = s.P, s.sums.time
     turn = p.gyro_noise**2 * T + s.sums.turn
     density = max(WHITE_SHARE * s.motion.white, whole(s) * explained(s)) * 16.0 / SWING_TIME**3
+    density += CURVED * (p.gravity * clipping.large_tilt(s)) ** 2
     force = (p.accel_noise**2 + density) * T + s.sums.jump
     along, across = _displacement(s)
     along = (p.walk**2 + WALK_PER_DISPLACEMENT**2 * along) * T

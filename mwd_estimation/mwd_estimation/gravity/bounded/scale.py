@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from mwd_estimation.gravity.bounded import accelerometer_errors, noise
+from mwd_estimation.gravity.bounded import accelerometer_errors, clipping, noise
 from mwd_estimation.gravity.bounded.measurement import hole_direction
 from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, SCALE, TILT, BoundedRecord, CovarianceScale
@@ -233,4 +233,6 @@ def publish(p: BoundedParams, s: BoundedRecord) -> None:
     floor_along, floor_aside = floor_along + doubt_along + along.event, floor_aside + doubt_aside + across.event
     s.sigma_inclination = min(math.pi, math.sqrt(max(along.power * (tilt + s.clipping.tilt), 0.0) + floor_along))
     sine2 = max(s.C[0, 0] ** 2 + s.C[1, 0] ** 2, 1e-6)
-    s.sigma_toolface = min(math.pi, math.sqrt((max(across.power * aside, 0.0) + floor_aside) / sine2))
+    s.sigma_toolface = min(math.pi, math.sqrt((max(clipping.roll_scale(s) * aside, 0.0) + floor_aside) / sine2))
+    if s.clipping.lost:
+        s.sigma_toolface = math.pi

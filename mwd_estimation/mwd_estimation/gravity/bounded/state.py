@@ -105,6 +105,8 @@ class Clipping:
     tilt: float  #: variance of the tilt that changes inclination, set aside during clipping, rad^2
     slope: float  #: low-passed slope of the x rate before clipping, rad/s^2
     curve: float  #: low-passed rate of change of `slope`, rad/s^3
+    scale: float  #: scale of the variance of the roll from the last innovations during clipping; 0 without clipping
+    lost: bool  #: whether the roll was lost during this clipping; then its sigma is pi
     #: Covariance of the sensor errors, set aside during clipping.
     kept: Annotated[Array, MISSING - BIAS, MISSING - BIAS]
 
