@@ -56,6 +56,7 @@ def begin(s: BoundedRecord) -> None:
     forget_motion(s)
     s.motion.along = s.motion.across = noise.START_DISPLACEMENT**2
     s.motion.white = s.motion.rough = 0.0
+    s.motion.rocked[:] = 0.0
     for found in (s.innovations.along, s.innovations.across):
         found.low[:] = 0.0
         found.power = 1.0

@@ -216,11 +216,12 @@ def _doubt(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
     share = odds / (1.0 + odds) ** 2
     ex, ey = s.meaning.effect[TILT, 0], s.meaning.effect[TILT + 1, 0]
     along, across = _split(s, s.doubt)
+    rocked, rolled = _split(s, s.motion.rocked)
     along += share * (ex * dy - ey * dx) ** 2
     across += share * (ex * dx + ey * dy) ** 2
     rectified = RECTIFIED * s.motion.ripple * s.power / p.gravity**2
     roll = s.motion.ripple * (s.C[0, 0] ** 2 + s.C[1, 0] ** 2)
-    return along + rectified, across + rectified + roll
+    return along + rectified + rocked, across + rectified + roll + rolled
 
 
 @compiled

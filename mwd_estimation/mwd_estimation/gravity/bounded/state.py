@@ -72,6 +72,11 @@ class MotionAverages:
     swing: Annotated[Array, 3]  #: sum of the x rates of point samples after one, two and three high-passes, rad
     #: Mean square of the last element of `swing`: of the part of the roll that aliasing may have caused, rad^2.
     ripple: float
+    #: Low-passed part of the rates of point samples that each of three high-passes removes, rad/s.
+    quick: Annotated[Array, 3, 3]
+    fast: Annotated[Array, 3]  #: mean square of the fast part of the rates of point samples, (rad/s)^2
+    slow: Annotated[Array, 3, 2]  #: rates of point samples, low-passed over a short and over a long time, rad/s
+    rocked: Annotated[Array, 2, 2]  #: covariance of the tilt (level x, y) from aliased rocking, rad^2
 
 
 class CovarianceScale:

@@ -196,6 +196,41 @@ def test_sigma_of_the_toolface_covers_torsion_that_point_samples_alias(frequency
     assert beyond_three_sigma(got.part(t > 10.0), down[t > 10.0]) < 0.02
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("rate_deg_s", [(60.0, 5.0, 5.0), (6.0, 8.0, 5.0)])
+def test_sigma_covers_rocking_that_passes_the_sampling_rate(rate_deg_s, seed):
+    # The string rocks with the vibration. Without equation (23), 12 to 14 % of the samples are beyond 3 sigma.
+    t = np.arange(9000) / 100.0
+    phase = 2.0 * np.pi * (60.0 * t + 0.5 * t * t) + seed
+    omega = 2.0 * np.pi * (60.0 + t)
+    axes = np.radians(rate_deg_s)
+    # Angles of at most 0.2 deg: the true direction of gravity is constant to that.
+    down = np.broadcast_to(np.array([0.5, 0.6, np.sqrt(0.39)]), (len(t), 3))
+    rng = np.random.default_rng(seed)
+    p = P._replace(sampled=True, coning=1.0)
+    turned = down + np.cross(down, (np.sin(phase) / omega)[:, None] * axes)
+    accel = 5.0 * np.cos(phase)[:, None] * np.array([0.4, -0.7, 0.6]) - p.gravity * turned
+    accel += 0.02 * rng.standard_normal((len(t), 3))
+    gyro = np.cos(phase)[:, None] * axes + 0.001 * rng.standard_normal((len(t), 3)) + 0.001
+    got = bounded.run(p, bounded.initial(p), (t * 1e9).astype(np.int64), gyro, accel)
+    late = t > 10.0
+    assert beyond_three_sigma(got.part(late), turned[late]) < 0.02
+
+
+def test_rotation_and_stick_slip_of_point_samples_are_not_taken_for_aliased_rocking():
+    t = np.arange(9000) / 100.0
+    rate = 8.0 * (1.0 - np.cos(2.0 * np.pi * 0.2 * t))
+    roll = 8.0 * (t - np.sin(2.0 * np.pi * 0.2 * t) / (2.0 * np.pi * 0.2))
+    down = np.stack([np.full(len(t), 0.5), np.sqrt(0.75) * np.sin(roll), np.sqrt(0.75) * np.cos(roll)], axis=-1)
+    rng = np.random.default_rng(4)
+    p = P._replace(sampled=True, coning=1.0)
+    accel = -p.gravity * down + 0.05 * rng.standard_normal((len(t), 3))
+    gyro = np.stack([rate, 0.0 * t, 0.0 * t], axis=-1) + 0.001 * rng.standard_normal((len(t), 3))
+    state = bounded.initial(p)
+    bounded.run(p, state, (t * 1e9).astype(np.int64), gyro, accel)
+    assert np.trace(state.record[0]["motion"]["rocked"]) < np.radians(0.01) ** 2
+
+
 def test_the_size_of_a_jump_is_the_posterior_mean_of_linear_regression():
     rng = np.random.default_rng(1)
     root = rng.normal(size=(17, 17))
