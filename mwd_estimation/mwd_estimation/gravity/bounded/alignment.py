@@ -56,11 +56,12 @@ def begin(s: BoundedRecord) -> None:
     forget_motion(s)
     s.motion.along = s.motion.across = noise.START_DISPLACEMENT**2
     s.motion.white = s.motion.rough = 0.0
+    s.motion.rocked[:] = 0.0
     for found in (s.innovations.along, s.innovations.across):
         found.low[:] = 0.0
         found.power = 1.0
         found.event = 0.0
-    s.age = s.settled = s.mean_power = s.kept_tilt = 0.0
+    s.age = s.settled = s.mean_power = s.kept_tilt = s.innovations.line_noise = 0.0
     for j in range(3):
         s.mean[j] = 0.0
     s.started = False
@@ -72,6 +73,8 @@ def begin_roll(s: BoundedRecord) -> None:
     """Restart if only the roll is lost; keep the inclination, which the rates across the axis still give."""
     down, tilt = s.C[2, 0], clipping.split_tilt(s)
     begin(s)
+    # The roll from the mean force may be wrong by a large angle.
+    s.clipping.seen = True
     s.kept_down, s.kept_tilt = down, tilt
 
 

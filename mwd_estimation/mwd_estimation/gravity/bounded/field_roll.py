@@ -154,6 +154,7 @@ def _correct_roll(s: BoundedRecord, off: float, variance: float, clipped: float)
     during which the x gyro clipped, s.
     """
     P, C, e, PH = s.P, s.C, s.correction, s.work[0]
+    s.clipping.lost = False
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     nx, ny = C[0, 0] / across2, C[1, 0] / across2
     size = STEADY if s.clipping.sign == 0.0 else ERRORS

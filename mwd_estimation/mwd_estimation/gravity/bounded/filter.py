@@ -237,7 +237,7 @@ def _miss(p: BoundedParams, s: BoundedRecord, lapse: float, rate: float) -> None
         alignment.unknown_motion(s, s.power / p.gravity**2)
         mechanisation.clear_sums(s.sums)
         s.epoch += 1
-        if variance > gaps.LOST_ROLL and not s.field.variance > 0.0:
+        if variance > clipping.LOST_ROLL and not s.field.variance > 0.0:
             alignment.begin_roll(s)
 
 
@@ -288,10 +288,13 @@ def _update(p: BoundedParams, s: BoundedRecord, w: Array, i: int, log: Log) -> N
         square += s.white[axis] ** 2 / 3.0
         jumps.follow_innovation(s, axis, s.white[axis])
     sample_meaning.compare(s)
+    if size == STEADY:
+        scale.follow_line(s)
     usual = s.innovations.usual
     s.innovations.usual += s.sums.time / scale.USUAL_TIME * (min(square, 9.0 * usual + 0.001) - usual)
     scale.follow_corrections(s, turn, tilt, aside)
     measurement.correct(s, size)
+    clipping.follow_roll(s, square)
     accelerometer_errors.follow(p, s)
     s.recent.rows[ring.next_place(s.recent)] = s.latest
     for j in range(2):

@@ -19,7 +19,6 @@ from mwd_sensors.core.compiled import compiled
 GAP_NS = 250_000_000  # longest step that is not a gap, ns
 STANDS_OUT = 4.0  # a step longer than this multiple of the usual step, and than half of GAP_NS, is a gap too
 MORE = 4.0  # factor on the random walk: oscillating rates change more over a gap than a random walk
-LOST_ROLL = 0.25  # rad^2, largest variance of the roll that does not count as lost
 CLOCK_SET = 0.005  # assumed probability that a long step comes from a clock that was set, so that no time has passed
 BACKWARD = 3  # number of samples in a row with earlier stamps after which the clock was set, as `time_jumps.CONFIRMED`
 
@@ -66,4 +65,4 @@ def bridge(p: BoundedParams, s: BoundedRecord, T: float, w: Array) -> bool:
     for j in range(3):
         P[BIAS + j, BIAS + j] += p.bias_walk**2 * T
     s.epoch += 1
-    return bool(along < LOST_ROLL)
+    return bool(along < clipping.LOST_ROLL)

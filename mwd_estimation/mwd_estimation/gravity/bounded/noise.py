@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 
 from mwd_estimation.core import track
+from mwd_estimation.gravity.bounded import clipping
 from mwd_estimation.gravity.bounded.params import BoundedParams
 from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SLOPE, TILT, VEL, BoundedRecord
 from mwd_sensors.core.arrays import Array, Vector
@@ -23,6 +24,14 @@ SWING_TIME = 0.5  # time constant of the three high-passes, s
 SWING_MEMORY = 2.1  # averaging time of the displacement, s
 RIPPLE_TIME = 0.03  # time constant of the three high-passes of the roll, s: stick-slip and rotation do not pass
 START_DISPLACEMENT = 0.1  # displacement assumed at a start, m
+# Averaging time of the fast part of the rates, s; the slow part lies between the two time constants SLOW, s.
+ROCKING_MEMORY, SLOW = 10.0, (0.1, 2.0)
+# Largest square of aliased rocking over the mean square of the fast part: 2 for a sine, and another 2 because the fast
+# part becomes smaller while the vibration approaches the sampling rate.
+ROCKING_PEAK = 4.0
+ROCKING_TIME = (
+    0.25  # correlation time of aliased rocking, s: a sweep of 1 Hz/s passes the sampling rate within a second
+)
 ROTATING = 3.0  # mean rate about the axis above which the circular motion of the sensor is subtracted, rad/s
 # Ratio of the random walk of the resting point (`measurement`) to the observed displacement, 1/sqrt(s).
 WALK_PER_DISPLACEMENT = 2.7
@@ -38,6 +47,9 @@ CROSS_TURN = 5.0  # 1 sigma of the rate that is lost while a cross-axis gyro cli
 LONG_STEP = 1.6  # if a step of the stamps is above this multiple of the usual step, samples are missing
 DOWN_WALK = 1e-4  # m/s^2/sqrt(s), random walk of the vertical force error
 CLIP_JERK = 200.0  # rad/s^2/sqrt(s), random walk of the slope of a clipped rate
+# A wrong roll of sigma a moves gravity by a second-order part of the variance 3/4 g^2 a^4 (the variance of 1 - cos),
+# which lasts until the roll is corrected, about 0.3 s.
+CURVED = 0.75 * 0.3
 RATE_MEMORY = 5.0  # averaging time of the squared changes of the rates between updates, s
 TURNING_MEMORY = 10.0  # averaging time of the rate about the axis, s
 FORCE_MEMORY = 3.0  # averaging time of the force that shows a lost attitude, s
@@ -60,6 +72,7 @@ def follow_rates(p: BoundedParams, s: BoundedRecord, dt: float, w: Vector, f: Ve
     df2 = (f[0] - s.last_f[0]) ** 2 + (f[1] - s.last_f[1]) ** 2 + (f[2] - s.last_f[2]) ** 2
     if s.meaning.sampled:
         _follow_ripple(s, dt, w[0])
+        _follow_rocking(p, s, dt, w)
     if dt > 0.0:
         motion.rough += dt / (min(SWING_MEMORY, s.settled) + dt) * (df2 * dt / 6.0 - motion.rough)
     # If samples are missing, add noise for the unknown rates and forces in between.
@@ -86,6 +99,38 @@ def _follow_ripple(s: BoundedRecord, dt: float, rate: float) -> None:
         moved = swing - motion.swing[n]
         motion.swing[n] = swing
     motion.ripple += dt / (min(SWING_MEMORY, s.settled) + dt) * (motion.swing[2] ** 2 - motion.ripple)
+
+
+@compiled
+def _follow_rocking(p: BoundedParams, s: BoundedRecord, dt: float, w: Vector) -> None:
+    """
+    Add the variance of slow rates that may be aliased rocking to `MotionAverages.rocked`, equation (23).
+
+    Rocking near a multiple of the sampling rate appears as a slow rate of the size of the rocking. Before and after
+    that, it appears as a fast rate. dt: step, s; w: point sample of the rates, rad/s.
+    """
+    motion, C = s.motion, s.C
+    keep, share = dt / (RIPPLE_TIME + dt), dt / (min(ROCKING_MEMORY, s.settled) + dt)
+    noise = p.gyro_noise**2 / max(dt, 1e-4)
+    for j in range(3):
+        if s.settled == 0.0:
+            motion.quick[j, 0] = motion.slow[j, 0] = motion.slow[j, 1] = w[j]
+            motion.quick[j, 1] = motion.quick[j, 2] = motion.fast[j] = 0.0
+        value = w[j]
+        for n in range(3):
+            motion.quick[j, n] += keep * (value - motion.quick[j, n])
+            value -= motion.quick[j, n]
+        motion.fast[j] += share * (value * value - motion.fast[j])
+        for n in range(2):
+            motion.slow[j, n] += dt / (SLOW[n] + dt) * (w[j] - motion.slow[j, n])
+        most = ROCKING_PEAK * (motion.fast[j] - noise)
+        if most > 0.0:
+            square = (motion.slow[j, 0] - motion.slow[j, 1]) ** 2
+            # A rate that is much larger than the rocking is real, except for a share of the size of the rocking.
+            turn = 2.0 * ROCKING_TIME * dt * min(square, most * most / max(square, most))
+            for a in range(2):
+                for c in range(2):
+                    motion.rocked[a, c] += turn * (C[a, j] * C[c, j])
 
 
 @compiled
@@ -185,10 +230,17 @@ def add_noise(p: BoundedParams, s: BoundedRecord) -> float:
     P, T = s.P, s.sums.time
     turn = p.gyro_noise**2 * T + s.sums.turn
     density = max(WHITE_SHARE * s.motion.white, whole(s) * explained(s)) * 16.0 / SWING_TIME**3
+    density += CURVED * (p.gravity * clipping.large_tilt(s)) ** 2
     force = (p.accel_noise**2 + density) * T + s.sums.jump
     along, across = _displacement(s)
     along = (p.walk**2 + WALK_PER_DISPLACEMENT**2 * along) * T
     across = (p.walk**2 + WALK_PER_DISPLACEMENT**2 * across) * T
+    if s.meaning.sampled:
+        # A filter in steady state forgets the same share of earlier errors as it adds to its variance.
+        forgotten = min(2.0 * turn / max(P[TILT, TILT] + P[TILT + 1, TILT + 1], 1e-12), 1.0)
+        for j in range(2):
+            for m in range(2):
+                s.motion.rocked[j, m] *= (1.0 - forgotten) ** 2
     for j in range(2):
         P[TILT + j, TILT + j] += turn
     for j in range(3):

@@ -72,6 +72,11 @@ class MotionAverages:
     swing: Annotated[Array, 3]  #: sum of the x rates of point samples after one, two and three high-passes, rad
     #: Mean square of the last element of `swing`: of the part of the roll that aliasing may have caused, rad^2.
     ripple: float
+    #: Low-passed part of the rates of point samples that each of three high-passes removes, rad/s.
+    quick: Annotated[Array, 3, 3]
+    fast: Annotated[Array, 3]  #: mean square of the fast part of the rates of point samples, (rad/s)^2
+    slow: Annotated[Array, 3, 2]  #: rates of point samples, low-passed over a short and over a long time, rad/s
+    rocked: Annotated[Array, 2, 2]  #: covariance of the tilt (level x, y) from aliased rocking, rad^2
 
 
 class CovarianceScale:
@@ -94,6 +99,10 @@ class Innovations:
     slow: Annotated[Array, 3]  #: low-passed ratio of innovation to sigma, for each tool axis
     #: Spectral density of the innovations at low frequencies, for each tool axis; 1 if they have the expected size.
     density: Annotated[Array, 3]
+    #: Product of the axial innovation and the down vector (tool y, z), times the squared rate,
+    #: low-passed over a short and a long time, m/s^2.
+    line: Annotated[Array, 2, 2]
+    line_noise: float  #: mean square of the difference of the two low-passed products, (m/s^2)^2
 
 
 class Clipping:
@@ -105,6 +114,8 @@ class Clipping:
     tilt: float  #: variance of the tilt that changes inclination, set aside during clipping, rad^2
     slope: float  #: low-passed slope of the x rate before clipping, rad/s^2
     curve: float  #: low-passed rate of change of `slope`, rad/s^3
+    scale: float  #: scale of the variance of the roll from the last innovations during clipping; 0 without clipping
+    lost: bool  #: whether the roll was lost during this clipping; then its sigma is pi
     #: Covariance of the sensor errors, set aside during clipping.
     kept: Annotated[Array, MISSING - BIAS, MISSING - BIAS]
 
@@ -322,6 +333,7 @@ def forget_innovations(s: BoundedRecord) -> None:
     s.innovations.slow[:] = 0.0
     s.surprise = 0.0
     s.doubt[:] = 0.0
+    s.innovations.line[:] = 0.0
     s.recent.length = 0
     for found in (s.innovations.along, s.innovations.across):
         found.moved[:] = 0.0

@@ -5,12 +5,13 @@ import math
 
 import numpy as np
 import pytest
-from gravity_runs import drilled, error_deg, followed, inclination_error, rms, toolface_error
+from gravity_runs import Drilled, drilled, error_deg, followed, inclination_error, rms, toolface_error
 
 from consistency import assert_consistent
-from mwd_estimation.gravity.bounded import alignment, clipping
+from mwd_estimation.gravity.bounded import alignment, clipping, scale
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded.state import TILT, VEL
+from simulated_sonde import simulated
 
 # Every other or third second a slide hits the wall. Means of 20 ms show less of a clipped shock than of the vibration.
 RARE_SHOCKS = {
@@ -54,6 +55,44 @@ def test_the_roll_is_followed_through_a_clipping_gyro_in_a_steep_hole():
         sigmas.append(got.sigma_toolface[every])
     assert math.degrees(rms(np.array(errors))) < 5.0
     assert_consistent(np.stack(errors), np.stack(sigmas), correlated=True)
+
+
+@pytest.mark.slow(10)
+@pytest.mark.parametrize("seed", [7001, 7003, 7102])
+def test_sigma_covers_a_roll_lost_to_a_clipping_gyro_among_shocks_and_whirl(seed):
+    # If the scale is that of the time before clipping, and the roll is never lost, 5 to 8 % are beyond 3 sigma, and 0.7
+    # to 2 % are more than 10 deg of toolface off.
+    samples, _ = simulated("stick_slip_hell", seed=seed)
+    imu, truth = samples["imu/data_raw"], samples["truth"]
+    down = truth["gravity"][np.searchsorted(truth["stamp_ns"], imu["stamp_ns"])]
+    data = Drilled(imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"], down)
+    got, late = followed(data), data.after(10.0)
+    off = np.abs(toolface_error(got, data.down))[late]
+    beyond = off > 3.0 * got.sigma_toolface[late]
+    tilted = np.abs(inclination_error(got, data.down))[late] > 3.0 * got.sigma_inclination[late]
+    assert np.mean(beyond | tilted) < 0.04
+    assert np.mean(beyond & (off > math.radians(10.0))) < 0.002
+    # The roll is known for most of the time.
+    assert math.degrees(np.median(got.sigma_toolface[late])) < 2.0
+
+
+def test_a_lost_roll_has_the_sigma_of_a_full_circle_until_clipping_ends():
+    p = bounded.BoundedParams()
+    s = bounded.initial(p).record[0]
+    s.clipping.sign, s.sums.time, s.settled = 1.0, 0.015, 60.0
+    s.P[TILT, TILT] = math.radians(20.0) ** 2
+    # A wrong roll makes the innovations larger than expected.
+    for _ in range(10):
+        clipping.follow_roll(s, 0.5)
+    scale.publish(p, s)
+    assert s.sigma_toolface < math.pi
+    for _ in range(10):
+        clipping.follow_roll(s, 4.0)
+    clipping.follow_roll(s, 0.0)
+    scale.publish(p, s)
+    assert s.sigma_toolface == math.pi
+    clipping.clear(s)
+    assert not s.clipping.lost
 
 
 def _gate(rate_hz: float, interval_s: float) -> float:

@@ -103,6 +103,24 @@ def test_sigma_covers_the_cone_that_a_step_of_the_gyro_bias_leaves_while_rotatin
     assert beyond_three_sigma(got.part(late), down[late]) < 0.01
 
 
+@pytest.mark.slow(10)
+@pytest.mark.parametrize(
+    ("inclination_deg", "rpm", "axis"), [(40.0, 90.0, (0.0, 1.0, 0.0)), (60.0, 120.0, (0.0, 0.6, 0.8))]
+)
+@pytest.mark.parametrize("seed", [21, 22])
+def test_sigma_covers_the_cone_of_a_step_across_the_axis_that_is_not_found(inclination_deg, rpm, axis, seed):
+    # The cone shows as an axial displacement once per turn. Without equation (24): 10 to 86 % beyond 3 sigma.
+    stamps, gyro, accel, down = slide(inclination_deg, seed, "drill", rpm)
+    t = seconds(stamps)
+    gyro = gyro + np.where(t > STEP_S, np.radians(1.0), 0.0)[:, None] * np.array(axis)
+    got = bounded.run(P, bounded.initial(P), stamps, gyro, accel)
+    late = t > STEP_S + 15.0
+    assert beyond_three_sigma(got.part(late), down[late]) < 0.1
+    # Before the step, the same rotation has the usual sigma.
+    usual = (t > 30.0) & (t < STEP_S)
+    assert np.degrees(np.median(got.sigma_inclination[usual])) < 0.1
+
+
 def test_the_probabilities_of_the_jumps_and_of_no_jump_add_up_to_one():
     odds = np.array([2.0, 0.5, 1.0, 3.0])
     chances = [jumps._chance(odds, kind) for kind in range(4)]
@@ -194,6 +212,41 @@ def test_sigma_of_the_toolface_covers_torsion_that_point_samples_alias(frequency
     accel = -p.gravity * down + 0.05 * rng.standard_normal((len(t), 3))
     got = bounded.run(p, bounded.initial(p), (t * 1e9).astype(np.int64), gyro, accel)
     assert beyond_three_sigma(got.part(t > 10.0), down[t > 10.0]) < 0.02
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("rate_deg_s", [(60.0, 5.0, 5.0), (6.0, 8.0, 5.0)])
+def test_sigma_covers_rocking_that_passes_the_sampling_rate(rate_deg_s, seed):
+    # The string rocks with the vibration. Without equation (23), 12 to 14 % of the samples are beyond 3 sigma.
+    t = np.arange(9000) / 100.0
+    phase = 2.0 * np.pi * (60.0 * t + 0.5 * t * t) + seed
+    omega = 2.0 * np.pi * (60.0 + t)
+    axes = np.radians(rate_deg_s)
+    # Angles of at most 0.2 deg: the true direction of gravity is constant to that.
+    down = np.broadcast_to(np.array([0.5, 0.6, np.sqrt(0.39)]), (len(t), 3))
+    rng = np.random.default_rng(seed)
+    p = P._replace(sampled=True, coning=1.0)
+    turned = down + np.cross(down, (np.sin(phase) / omega)[:, None] * axes)
+    accel = 5.0 * np.cos(phase)[:, None] * np.array([0.4, -0.7, 0.6]) - p.gravity * turned
+    accel += 0.02 * rng.standard_normal((len(t), 3))
+    gyro = np.cos(phase)[:, None] * axes + 0.001 * rng.standard_normal((len(t), 3)) + 0.001
+    got = bounded.run(p, bounded.initial(p), (t * 1e9).astype(np.int64), gyro, accel)
+    late = t > 10.0
+    assert beyond_three_sigma(got.part(late), turned[late]) < 0.02
+
+
+def test_rotation_and_stick_slip_of_point_samples_are_not_taken_for_aliased_rocking():
+    t = np.arange(9000) / 100.0
+    rate = 8.0 * (1.0 - np.cos(2.0 * np.pi * 0.2 * t))
+    roll = 8.0 * (t - np.sin(2.0 * np.pi * 0.2 * t) / (2.0 * np.pi * 0.2))
+    down = np.stack([np.full(len(t), 0.5), np.sqrt(0.75) * np.sin(roll), np.sqrt(0.75) * np.cos(roll)], axis=-1)
+    rng = np.random.default_rng(4)
+    p = P._replace(sampled=True, coning=1.0)
+    accel = -p.gravity * down + 0.05 * rng.standard_normal((len(t), 3))
+    gyro = np.stack([rate, 0.0 * t, 0.0 * t], axis=-1) + 0.001 * rng.standard_normal((len(t), 3))
+    state = bounded.initial(p)
+    bounded.run(p, state, (t * 1e9).astype(np.int64), gyro, accel)
+    assert np.trace(state.record[0]["motion"]["rocked"]) < np.radians(0.01) ** 2
 
 
 def test_the_size_of_a_jump_is_the_posterior_mean_of_linear_regression():
