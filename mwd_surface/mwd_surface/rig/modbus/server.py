@@ -108,12 +108,10 @@ _WRITES = (5, 6, 15, 16, 22, 23)  # function codes that write to coils or regist
 _SERVED = frozenset((*_MOST_READ, *_WRITES, 43))
 # Largest number in the length field of a request over TCP: unit and 253 bytes of function and data.
 _LONGEST = 254
-_LOOK = 1.0  # time between checks for idle connections, s
-_PYMODBUS = 3, 13  # first version of pymodbus with the simulator devices that this server uses
-
-
 # Largest number of bytes of requests that wait to be answered, and of answers that wait for a slow reader.
 _MOST_WAITING = 16384
+_LOOK = 1.0  # time between checks for idle connections, s
+_PYMODBUS = 3, 13  # first version of pymodbus with the simulator devices that this server uses
 
 
 @dataclasses.dataclass
