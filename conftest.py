@@ -21,6 +21,8 @@ use_one_thread()
 
 # Commands speak the language of the environment; tests read English unless they choose another one.
 os.environ["LANGUAGE"] = "en"
+# The help is formatted as `mwd` does, without rich. This must come before typer is imported.
+os.environ["TYPER_USE_RICH"] = "0"
 
 # A shell without job control starts background programs with SIGINT ignored, and their child processes inherit this.
 # Restore the usual handler.
