@@ -19,7 +19,7 @@ import scipy
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
-from mwd_surface.receiver.whitening import correlated, prediction_error_filter
+from mwd_surface.receiver.whitening import FLOOR, ORDER, correlated, prediction_error_filter
 
 # Power over the spectral floor above which a line is subtracted. Weaker lines are left to the noise model, which
 # handles them better: with pulses of 0.3 s the lines lie within the spectrum of the pulses, and a lower limit lost
@@ -33,8 +33,6 @@ _COHERENT = 4.0
 # the averaging time relative to uncounted lines. The time is longer, because the counter follows the rate of the pump;
 # with a factor of 3, a quarter more words with pulses of 0.3 s are lost.
 _MOST_HARMONICS, _HIGHEST, _STROKES_HOLD = 12, 0.9, 1.5
-# Order and floor of the noise model by which the lines with and without strokes are compared.
-_ORDER, _FLOOR = 24, 1e-6
 _NEIGHBOURHOOD = 32  # bins over which the floor of the spectrum is estimated
 _BLOCK = 16  # samples that are averaged before smoothing
 # 1 sigma of the Gaussian average: 24 TU while pulses are still in the pressure, and 10 s, over which pumps hold their
@@ -153,9 +151,9 @@ def _smooth(blocks: Array, falls: Array) -> Array:
 
 
 @compiled
-def _subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, average: LineAverage, out: Array) -> None:
+def _subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, average: LineAverage, out: Array) -> bool:
     """
-    Subtract one spectral line, if the line is stronger than the noise around it.
+    Subtract one spectral line, if the line is stronger than the noise around it; return whether it was subtracted.
 
     Parameters
     ----------
@@ -173,7 +171,7 @@ def _subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, avera
     weight, total = average.weight, average.total
     n, count = len(noise), len(weight)
     if count < 2:
-        return
+        return False
     in_phase, across = np.zeros(count), np.zeros(count)
     for b in range(count):
         c = s = 0.0
@@ -192,7 +190,7 @@ def _subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, avera
         raw += (in_phase[b] ** 2 + across[b] ** 2) / max(weight[b], 1.0)
     # The average of noise alone has a share of 1 / (2 sqrt(pi) sigma) of the power of the noise.
     if line * 2.0 * math.sqrt(math.pi) * average.sigma < _COHERENT * max(raw - line, 0.0):
-        return
+        return False
     # Between the middles of two blocks the line changes evenly; before the first and after the last it is constant.
     size_c, size_s = np.empty(n), np.empty(n)
     for b in range(count + 1):
@@ -207,6 +205,7 @@ def _subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, avera
         one = size_c[i] * cosine[i] + size_s[i] * sine[i]
         noise[i] -= one
         out[i] += one
+    return True
 
 
 class Crank(NamedTuple):
@@ -216,25 +215,36 @@ class Crank(NamedTuple):
     cosine: Array
     sine: Array
     harmonics: int  #: number of harmonics below a share of the highest frequency in the samples
+    turn: float  #: median advance of the crank angle, rad per sample
 
 
 @compiled
 def crank(angle: Array) -> Crank:
     """Return the rotation of a pump from its crank angle, rad, shape (n,); NaN where the angle is unknown."""
-    cosine, sine, harmonics = np.zeros(len(angle)), np.zeros(len(angle)), 0
+    cosine, sine, harmonics, turn = np.zeros(len(angle)), np.zeros(len(angle)), 0, 0.0
     for i in range(len(angle)):
         if math.isfinite(angle[i]):
             cosine[i], sine[i] = math.cos(angle[i]), math.sin(angle[i])
     steps = angle[1:] - angle[:-1]
     steps = steps[np.isfinite(steps)]
     if len(steps):
-        harmonics = min(int(_HIGHEST * math.pi / max(np.median(steps), 1e-9)), _MOST_HARMONICS)
-    return Crank(cosine, sine, harmonics)
+        turn = max(np.median(steps), 1e-9)
+        harmonics = min(int(_HIGHEST * math.pi / turn), _MOST_HARMONICS)
+    return Crank(cosine, sine, harmonics, turn)
+
+
+class PumpNoise(NamedTuple):
+    """Pressure of the pumps, and the lines it consists of."""
+
+    pressure: Array  #: shape (n,); Pa
+    #: Shape (k, 2); frequency of each line, rad per sample, and weight with which a sample enters the size of the line
+    #: at the same sample.
+    lines: Array
 
 
 def pump_noise(
     noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angles: Array | None = None
-) -> tuple[Array, list[Crank]]:
+) -> tuple[PumpNoise, list[Crank]]:
     """
     Return the sum of all pump lines, and the pumps whose counted strokes were used.
 
@@ -253,8 +263,7 @@ def pump_noise(
 
     Returns
     -------
-    ndarray, shape (n,)
-        Pressure caused by the pumps, Pa.
+    PumpNoise
     list of Crank
         The pumps with strokes; empty if the strokes were not used.
     """
@@ -266,53 +275,66 @@ def pump_noise(
     cranks = [crank(angle) for angle in angles]
     counted = lines(noise, known, memory, cranks)
     root = np.sqrt(known)
-    unexplained = [prediction_error_filter(noise - one, root, _ORDER, _FLOOR)[1] for one in (plain, counted)]
+    unexplained = [
+        prediction_error_filter(noise - one.pressure, root, ORDER, FLOOR, None, True)[1] for one in (plain, counted)
+    ]
     # The fitted harmonics also follow noise; estimate the share of its variance that their coefficients explain.
     fitted = 2.0 * _MOST_HARMONICS * len(angles) * len(noise) / (2.0 * math.sqrt(math.pi) * _STROKES_HOLD * memory)
     share = 1.0 - min(fitted / max(float(known.sum()), 1.0), 0.5)
     return (counted, cranks) if unexplained[1] ** 2 < share * unexplained[0] ** 2 else (plain, [])
 
 
-def lines(noise: Array, known: Array, memory: float, cranks: Sequence[Crank] = ()) -> Array:
+def lines(noise: Array, known: Array, memory: float, cranks: Sequence[Crank] = ()) -> PumpNoise:
     """
-    Return the sum, Pa, of the harmonics of counted strokes and of the lines found in the remaining noise, shape (n,).
+    Return the sum of the harmonics of counted strokes and of the lines found in the remaining noise.
 
     Arguments as in `pump_noise`.
     """
     out = np.zeros(len(noise))
     rest = noise - noise.mean()
+    used = []
     for one in cranks:
-        _subtract_harmonics(rest, known, *one, _STROKES_HOLD * memory, out)
-    _subtract_lines(rest, known, line_frequencies(rest), memory, out)
-    return out
+        found = _subtract_harmonics(rest, known, one, _STROKES_HOLD * memory, out)
+        used.append((found, np.full(len(found), _own_weight(_STROKES_HOLD * memory))))
+    found = _subtract_lines(rest, known, line_frequencies(rest), memory, out)
+    used.append((found, np.full(len(found), _own_weight(memory))))
+    return PumpNoise(out, np.concatenate([np.column_stack(one) for one in used]))
+
+
+def _own_weight(memory: float) -> float:
+    """Return the weight of a sample in the average of a line at this sample; memory: as in `pump_noise`."""
+    return 2.0 / (math.sqrt(2.0 * math.pi) * memory)
 
 
 @compiled
-def _subtract_lines(rest: Array, known: Array, omegas: Array, memory: float, out: Array) -> None:
+def _subtract_lines(rest: Array, known: Array, omegas: Array, memory: float, out: Array) -> Array:
     """
     Subtract lines of given frequencies, rad per sample, from `rest` and add them to `out`, both shape (n,), in place.
 
-    Other arguments as in `pump_noise`.
+    Other arguments as in `pump_noise`. Return the frequencies of the lines that were subtracted.
     """
     average, cosine, sine = _average(known, memory), np.empty(len(rest)), np.empty(len(rest))
-    for omega in omegas:
-        _turning(omega, cosine, sine)
-        _subtract_line(rest, known, cosine, sine, average, out)
+    used = np.zeros(len(omegas), dtype=np.bool_)
+    for k in range(len(omegas)):
+        _turning(omegas[k], cosine, sine)
+        used[k] = _subtract_line(rest, known, cosine, sine, average, out)
+    return omegas[used]
 
 
 @compiled
-def _subtract_harmonics(
-    rest: Array, known: Array, turn_c: Array, turn_s: Array, harmonics: int, memory: float, out: Array
-) -> None:
+def _subtract_harmonics(rest: Array, known: Array, pump: Crank, memory: float, out: Array) -> Array:
     """
     Subtract the first harmonics of a crank from `rest` and add them to `out`, both shape (n,), in place.
 
-    turn_c, turn_s: cosine and sine, as in `Crank`; other arguments as in `pump_noise`.
+    Other arguments as in `pump_noise`. Return the frequencies of the harmonics that were subtracted, rad per sample.
     """
+    turn_c, turn_s = pump.cosine, pump.sine
     runs = np.where((turn_c == 0.0) & (turn_s == 0.0), 0.0, known)
     average, cosine, sine = _average(runs, memory), turn_c.copy(), turn_s.copy()
-    for _ in range(harmonics):
-        _subtract_line(rest, runs, cosine, sine, average, out)
+    used = np.zeros(pump.harmonics, dtype=np.bool_)
+    for k in range(pump.harmonics):
+        used[k] = _subtract_line(rest, runs, cosine, sine, average, out)
         for i in range(len(rest)):
             c = cosine[i]
             cosine[i], sine[i] = c * turn_c[i] - sine[i] * turn_s[i], c * turn_s[i] + sine[i] * turn_c[i]
+    return pump.turn * (1.0 + np.flatnonzero(used).astype(np.float64))

@@ -33,7 +33,7 @@ def test_white_noise_and_noise_of_1_over_f_have_no_lines():
 @pytest.mark.parametrize("hunting", [0.0, 5e-4])
 def test_what_is_left_is_the_noise(hunting):
     pumps = lines(hunting)
-    left = noise() + pumps - pump_noise(noise() + pumps, KNOWN)[0]
+    left = noise() + pumps - pump_noise(noise() + pumps, KNOWN)[0].pressure
     assert np.std(left - noise()) < 0.05 * np.std(pumps)
     assert np.std(left) < 2.5
 
@@ -43,7 +43,7 @@ def test_unknown_samples_do_not_count():
     known[500:700] = 0.0
     filled = noise() + lines()
     filled[500:700] = 0.0
-    left = (filled - pump_noise(filled, known)[0] - noise())[900:]
+    left = (filled - pump_noise(filled, known)[0].pressure - noise())[900:]
     assert np.std(left) < 0.05 * np.std(lines())
 
 
@@ -51,8 +51,8 @@ def test_counted_strokes_follow_a_hunting_pump():
     """Two harmonics of a pump whose rate wanders by 2 %: too fast for lines of fixed frequency."""
     angle = 0.3 * np.cumsum(1.0 + 0.02 * np.sin(np.arange(N) / 100.0))
     pumps = 60.0 * np.cos(angle + 1.0) + 25.0 * np.cos(3.0 * angle)
-    blind = noise() + pumps - pump_noise(noise() + pumps, KNOWN)[0]
-    left = noise() + pumps - pump_noise(noise() + pumps, KNOWN, angles=angle[None, :])[0]
+    blind = noise() + pumps - pump_noise(noise() + pumps, KNOWN)[0].pressure
+    left = noise() + pumps - pump_noise(noise() + pumps, KNOWN, angles=angle[None, :])[0].pressure
     assert np.std(left - noise()) < 0.02 * np.std(pumps)
     # The average over 15 s leaves a tenth of what the lines of fixed frequency leave; jitter of real counters needs it.
     assert np.std(left - noise()) < 0.15 * np.std(blind - noise())
@@ -61,5 +61,5 @@ def test_counted_strokes_follow_a_hunting_pump():
 def test_strokes_that_are_not_in_the_pressure_take_nothing_out():
     """A counter of a pump that is not on the line."""
     angle = 0.3 * np.arange(N)
-    taken = pump_noise(noise(), KNOWN, angles=angle[None, :])[0]
+    taken = pump_noise(noise(), KNOWN, angles=angle[None, :])[0].pressure
     assert np.std(taken) < 0.1

@@ -38,13 +38,9 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     spread,
     whitened_responses,
 )
-from mwd_surface.receiver.pump_lines import Crank, lines, pump_noise
-from mwd_surface.receiver.whitening import correlated, filtered, precision, prediction_error_filter
+from mwd_surface.receiver.pump_lines import Crank, PumpNoise, lines, pump_noise
+from mwd_surface.receiver.whitening import FLOOR, ORDER, correlated, filtered, precision, prediction_error_filter
 
-# Order of the noise model: 6 TU. A longer model reaches the next pulse and contains the errors of the expected pulses:
-# with 10 TU, 1 to 2 % more words are lost with pulses of .3 s at 4 km (`other_mud.py`).
-ORDER = 24
-FLOOR = 1e-6
 _ROUNDS = 3
 _TAIL = 24  # samples by which whitening lengthens the response
 _FEW = 1e-4  # a smaller expected number of pulses at a place counts as 0
@@ -163,14 +159,16 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     noise = stretch.pressure - reconstruct(pulses.train, state.response)
     pumps, cranks = pump_noise(noise, stretch.known, state.memory, stretch.angles)
     for turn in range(_ROUNDS):
-        whitened = filtered(stretch.pressure - pumps, state.whitener)
+        whitened = filtered(stretch.pressure - pumps.pressure, state.whitener)
         responses = _estimate(stretch, state, whitened, weight, pulses)
         g = _whitened(state.response[None], state.whitener)[0]
         if turn > 0 or again:
             weight = precision(whitened - reconstruct(pulses.train, g), stretch.known)
         metric, level = _metric(stretch, responses, state.whitener, (whitened, weight))
         common = common_energy(g, len(g) // SAMPLES_PER_TU)
-        far, beside = shared_energy(stretch, stretch.places, common, pulses)
+        energies = common, _absorbed(g, len(common), pumps.lines)
+        far, beside = shared_energy(stretch, stretch.places, energies, pulses)
+        common = energies[0] - energies[1]
         unary = metric[stretch.places] - level[:, None] * far
         unary, present = _any_pulses(stretch, unary, level[:, None] * beside, common, level)
         sums = trellis.forward_backward(packets, unary, common, level, stretch.parity)
@@ -178,7 +176,7 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
         pulses = expected_pulses(stretch, probability * present)
         if not (again and turn == _ROUNDS - 1):
             pumps = _new_noise(stretch, pulses, state, weight, cranks)
-    fits = _fits(stretch, metric, common, level, pulses)
+    fits = _fits(stretch, metric, energies, level, pulses)
     g = _whitened(state.response[None], state.whitener)[0]
     members = stretch.members
     # Logarithm of the number of ways to place all pulses.
@@ -187,7 +185,7 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     ebn0 = 10.0 * np.log10(np.maximum(float(g @ g) * counts * math.log(2.0) / (2.0 * np.array(ways)), 1e-6))
     # A pulse at its true place has a metric of half its energy, reduced where samples are unknown.
     expected = 0.5 * float(g @ g * level.sum()) - sum(ways)
-    timing = (0.0, 1.0, 0.0) if again else _timing(stretch, pulses.train, state, weight, pumps)
+    timing = (0.0, 1.0, 0.0) if again else _timing(stretch, pulses.train, state, weight, pumps.pressure)
     return DecodedStretch(
         *(unary, level, common, probability, present, fits, state, stretch.per_packet(ebn0), timing),
         *(evidence - sum(ways), expected, stretch.per_packet(_disturbed(stretch, weight))),
@@ -254,8 +252,22 @@ def _second(unary: Array, at: Indices, count: Indices, common: Array, level: Arr
     return out
 
 
+def _absorbed(response: Array, count: int, pumps: Array) -> Array:
+    """
+    Return the part of the common energy of two pulses that the pump lines take up, by their distance in TU.
+
+    The sizes of the lines are fitted to the pressure without the expected pulses. If a pulse is not where it is
+    expected, a part of it goes into the lines, so the pressure contains less information about its place.
+
+    response: whitened response to a pulse; count: number of distances; pumps: lines, as in `PumpNoise`.
+    """
+    turns = np.exp(-1j * pumps[:, :1] * np.arange(len(response)))
+    power = pumps[:, 1] * np.abs(turns @ response) ** 2
+    return np.asarray(power @ np.cos(pumps[:, :1] * SAMPLES_PER_TU * np.arange(count)))
+
+
 def shared_energy(
-    stretch: StretchOnToolClock, at: Indices, common: Array, pulses: ExpectedPulses
+    stretch: StretchOnToolClock, at: Indices, energies: tuple[Array, Array], pulses: ExpectedPulses
 ) -> tuple[Array, Array]:
     """
     Return the mean energy that a pulse of each packet shares with far pulses and with the neighbouring packets.
@@ -265,8 +277,8 @@ def shared_energy(
     stretch : StretchOnToolClock
     at : ndarray, shape (k, n)
         Places of the pulse of each packet, TU.
-    common : ndarray, shape (m,)
-        Common energy of two pulses, by their distance in TU.
+    energies : (ndarray, ndarray), shapes (m,), (m,)
+        Common energy of two pulses, by their distance in TU, and the part of it that the pump lines take up.
     pulses : ExpectedPulses
 
     Returns
@@ -276,12 +288,14 @@ def shared_energy(
     ndarray, shape (k, n)
         Energy shared with the packets before and after.
     """
+    common, absorbed = energies
     beyond, count = len(common), int(stretch.groups[-1, 2])
     place = beyond + (pulses.rows[:, 0] - stretch.start) / SAMPLES_PER_TU
     edges = _edges(place, pulses.rows[:, 1], count + 2 * beyond)
     total = correlated(edges[1:], np.concatenate([common[:0:-1], common]), count)[at]
-    within, beside = _near_energy(at, stretch.places, pulses.own, common)
-    return total - within - beside, beside
+    # The lines were fitted without the expected pulses, so they contain a part of those that are decided here.
+    within, beside = _near_energy(at, stretch.places, pulses.own, common - absorbed)
+    return total - within - beside - 0.5 * absorbed[0], beside
 
 
 @compiled
@@ -303,7 +317,9 @@ def _near_energy(at: Indices, places: Indices, own: Array, common: Array) -> tup
     return within, beside
 
 
-def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Array, pulses: ExpectedPulses) -> Array:
+def _fits(
+    stretch: StretchOnToolClock, metric: Array, energies: tuple[Array, Array], level: Array, pulses: ExpectedPulses
+) -> Array:
     """
     Return for each packet the log likelihood ratio of the present word table to each kind of wrong table, shape (k, 3).
 
@@ -312,13 +328,13 @@ def _fits(stretch: StretchOnToolClock, metric: Array, common: Array, level: Arra
     sent together. Where no pulse arrives, both have the same likelihood: silence counts neither for nor against the
     table. The columns are: one pulse, two pulses, and two pulses of half size.
 
-    metric: metric of a single pulse at each TU.
+    metric: metric of a single pulse at each TU; energies: as in `shared_energy`.
     """
-    packets, missing = stretch.packets, stretch.missing
+    packets, missing, common = stretch.packets, stretch.missing, energies[0] - energies[1]
     size = packets[:, trellis.COUNT, None] + GAP_TU
     each = np.arange(int(size.max()))[None, :]
     at = packets[:, trellis.START, None] + np.minimum(each, size - 1)
-    unary = metric[at] - level[:, None] * sum(shared_energy(stretch, at, common, pulses))
+    unary = metric[at] - level[:, None] * sum(shared_energy(stretch, at, energies, pulses))
     counts = size[:, 0]
     inside = _log_sums(unary, counts - GAP_TU) - np.log(counts - GAP_TU)
     free = [_log_sums(unary, counts) - np.log(counts)]
@@ -435,13 +451,16 @@ def _sync_size(
 
 def _new_noise(
     stretch: StretchOnToolClock, pulses: ExpectedPulses, state: ChannelEstimate, weight: Array, cranks: list[Crank]
-) -> Array:
+) -> PumpNoise:
     """Fit the noise model to the pressure without pulses and pumps; return the pump noise."""
     residual = stretch.pressure - reconstruct(pulses.train, state.response)
     background = lines(residual, weight, state.memory, cranks)
-    residual -= background
-    unsure = _unsure(pulses.rows, state.response, weight)
-    taps, size = prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, unsure)
+    residual -= background.pressure
+    root, unsure = np.sqrt(weight), _unsure(pulses.rows, state.response, weight)
+    taps, size = prediction_error_filter(residual, root, ORDER, FLOOR, unsure, True)
+    if size > 0.0 and len(background.lines):
+        unsure += _unsure_lines(background.lines, taps, weight)
+        taps, size = prediction_error_filter(residual, root, ORDER, FLOOR, unsure, True)
     state.whitener = taps if size > 0.0 else state.whitener
     return background
 
@@ -461,6 +480,18 @@ def _unsure(places: Array, response: Array, weight: Array) -> Array:
     farthest = int(lags[-1] + apart[-1, 0])
     common = correlated(np.concatenate([response, np.zeros(farthest)]), response, farthest + 1)
     return np.asarray(2.0 * pairs.sum() * common[lags] - pairs @ (common[lags + apart] + common[np.abs(lags - apart)]))
+
+
+def _unsure_lines(pumps: Array, whitener: Array, weight: Array) -> Array:
+    """
+    Return the autocorrelation of the error of the pump lines, Pa^2 summed over the samples; shape (ORDER + 2,).
+
+    The fitted lines also follow the noise at their frequencies, which is then missing from the residual.
+
+    pumps: lines, as in `PumpNoise`; whitener: noise model of the residual.
+    """
+    gain = np.abs(np.exp(-1j * pumps[:, :1] * np.arange(len(whitener))) @ whitener) ** 2
+    return np.asarray(weight.sum() * (pumps[:, 1] / gain) @ np.cos(pumps[:, :1] * np.arange(ORDER + 2)))
 
 
 def _timing(

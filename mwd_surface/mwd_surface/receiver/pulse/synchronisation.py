@@ -28,10 +28,8 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     whitened_responses,
 )
 from mwd_surface.receiver.pump_lines import pump_noise
-from mwd_surface.receiver.whitening import correlated, filtered, median, steadiness, steady_filter
+from mwd_surface.receiver.whitening import FLOOR, SEARCH_ORDER, correlated, filtered, median, steadiness, steady_filter
 
-ORDER = 24  # highest order of the noise model
-FLOOR = 1e-6  # white noise added to the noise model, as a share of its variance
 # Samples of the response used in a search; later ones add more noise than signal with so few pulses.
 RESPONSE = 30
 _TAIL = 20  # samples by which whitening lengthens the response
@@ -116,10 +114,10 @@ def search(
     moved = min(_settled(pressure), max(begin - BEFORE, 0)) if early else _settled(pressure[:begin])
     pressure, known, begin, end = pressure[moved:], known[moved:], begin - moved, end - moved
     angles = None if angles is None else angles[:, moved:]
-    pressure = pressure - pump_noise(pressure, known, angles=angles)[0]
+    pressure = pressure - pump_noise(pressure, known, angles=angles)[0].pressure
     if whitener is None:
         quiet = slice(0, begin if begin >= _LEAST_NOISE else len(pressure))
-        whitener = steady_filter(pressure[quiet], known[quiet], ORDER, FLOOR)
+        whitener = steady_filter(pressure[quiet], known[quiet], SEARCH_ORDER, FLOOR)
     if whitener is None:
         return None
     first, *others = (*[_PROMISING] * _ROUNDS, least) if early else (least,)
@@ -139,7 +137,7 @@ def _refined(
     """
     train = np.zeros(len(pressure))
     train[found.at + SAMPLES_PER_TU * np.array(tool.sync.edges_tu)] = 1.0
-    whitener = steady_filter(pressure - reconstruct(train, found.response), known, ORDER, FLOOR)
+    whitener = steady_filter(pressure - reconstruct(train, found.response), known, SEARCH_ORDER, FLOOR)
     return None if whitener is None else _found(pressure, known, tool, span, whitener, least)
 
 

@@ -82,12 +82,12 @@ class ReceivedTransmission:
         self._places = passes.sync_places(tool, 0)
         response = np.zeros(response_length(tool.tu_s))
         response[: len(found.response)] = found.response
-        whitener = np.zeros(segment.ORDER + 2)
-        whitener[: len(found.whitener)] = found.whitener
         # The estimate has more components than the search. Distribute the same total variance over them.
         memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
         #: Response to a pulse, and noise model without the pulses.
-        self.channel = segment.ChannelEstimate(response, found.scale, whitener, basis(len(response), tool.tu_s), memory)
+        self.channel = segment.ChannelEstimate(
+            response, found.scale, found.whitener, basis(len(response), tool.tu_s), memory
+        )
         self._at_once, self.doubt = copy.deepcopy(doubt), doubt
         self.presence = Presence(found.score)
         self._boundary = SAMPLES_PER_TU * tool.sync.length_tu

@@ -52,17 +52,20 @@ def test_the_energy_shared_with_other_pulses_is_the_sum_over_each_of_them():
     known = np.array([[START - 40.0, 1.0, 0.0], [START - 8.0, 0.7, 1.0]])
     groups, samples = np.array([[0, 0, length + 14]]), np.zeros(2000)
     stretch = segment.StretchOnToolClock(samples, samples, known, rows, groups, START, 0)
-    common, places = random.normal(size=16), trellis.places_of(rows)
+    common, absorbed, places = *random.normal(size=(2, 16)), trellis.places_of(rows)
     pulses = trellis.uniform(rows) * random.uniform(size=places.shape)
-    far, beside = segment.shared_energy(stretch, places, common, segment.expected_pulses(stretch, pulses))
+    energies, expected = (common, absorbed), segment.expected_pulses(stretch, pulses)
+    far, beside = segment.shared_energy(stretch, places, energies, expected)
 
-    def of(at, others):
-        return sum(chance * common[abs(at - int(place))] for place, chance in others if abs(at - place) < len(common))
+    def of(at, others, energy):
+        return sum(chance * energy[abs(at - int(place))] for place, chance in others if abs(at - place) < len(energy))
 
     for k, values in enumerate(places):
         packets = [list(zip(places[j], pulses[j], strict=True)) for j in range(len(rows))]
         near = [one for j in (k - 1, k + 1) if 0 <= j < len(rows) for one in packets[j]]
         rest = [one for j, row in enumerate(packets) if abs(j - k) > 1 for one in row]
         rest += [((at - START) / SAMPLES_PER_TU, chance) for at, chance, _ in known]
-        assert beside[k] == pytest.approx([of(at, near) for at in values])
-        assert far[k] == pytest.approx([of(at, rest) for at in values])
+        # The pump lines contain a part of the expected pulses of the packet and its neighbours, and half of its own.
+        taken = [of(at, near + packets[k], absorbed) - 0.5 * absorbed[0] for at in values]
+        assert beside[k] == pytest.approx([of(at, near, common - absorbed) for at in values])
+        assert far[k] == pytest.approx(np.array([of(at, rest, common) for at in values]) + taken)
