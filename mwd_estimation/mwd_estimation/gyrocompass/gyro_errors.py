@@ -32,8 +32,8 @@ from mwd_sensors.core.frames import wrap_pi
 _BIAS_SCALES: Array = np.array([4.0**k for k in range(-4, 2)])
 # Scales of a drift whose ramp changes within `_RAMP_S`, and of a drift whose ramp is the same for the whole run. After
 # four stations the run shows a lasting ramp, so that it no longer makes the azimuth uncertain. Of 800 stations of a
-# unit that drifts steadily by 10 deg/h per hour, 185 give an azimuth, four of them beyond 3 sigma; without `_LASTING`,
-# 38 and six.
+# unit that drifts steadily by 10 deg/h per hour, 196 give an azimuth, six of them beyond 3 sigma; without `_LASTING`,
+# 32 and seven.
 _CHANGING, _LASTING = np.array([4.0**k for k in (-2, -1, 0, 1, 4)]), np.array([4.0])
 _DRIFT_SCALES: Array = np.append(_CHANGING, _LASTING)
 # Assumed sigmas of the g-sensitivity, relative to the largest of `G_SCALES`, and their equal prior probability. One
