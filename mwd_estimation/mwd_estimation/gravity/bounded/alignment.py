@@ -61,7 +61,7 @@ def begin(s: BoundedRecord) -> None:
         found.low[:] = 0.0
         found.power = 1.0
         found.event = 0.0
-    s.age = s.settled = s.mean_power = s.kept_tilt = s.innovations.line_noise = 0.0
+    s.age = s.settled = s.mean_power = s.kept_tilt = 0.0
     for j in range(3):
         s.mean[j] = 0.0
     s.started = False

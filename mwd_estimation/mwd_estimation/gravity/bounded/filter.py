@@ -288,8 +288,6 @@ def _update(p: BoundedParams, s: BoundedRecord, w: Array, i: int, log: Log) -> N
         square += s.white[axis] ** 2 / 3.0
         jumps.follow_innovation(s, axis, s.white[axis])
     sample_meaning.compare(s)
-    if size == STEADY:
-        scale.follow_line(s)
     usual = s.innovations.usual
     s.innovations.usual += s.sums.time / scale.USUAL_TIME * (min(square, 9.0 * usual + 0.001) - usual)
     scale.follow_corrections(s, turn, tilt, aside)

@@ -45,11 +45,6 @@ CLEARANCE = 0.1
 # A slow motion with a displacement of 1 m after the three high-passes has an acceleration of at least this many m/s^2:
 # a sine of frequency u / (2 pi SWING_TIME) has (1 + u^2)^1.5 / (u SWING_TIME^2), least at u^2 = 1/2.
 LEAST_PULL = 1.5 * math.sqrt(3.0) / noise.SWING_TIME**2
-LINE_CHANCE = 6.0  # one of 400 sums of two squares of normal variables is larger than this times its mean
-# Averaging times, s, of the part of the axial innovations that follows the rotation, short and long, and of its noise;
-# and the mean square of the long average over that of the difference of both, for white noise.
-LINE_SHORT, LINE_LONG, LINE_NOISE_TIME, LINE_SHARE = 1.0, 5.0, 10.0, 0.3
-LEAST_SINE2 = 0.003  # smallest squared sine of the inclination (3 deg) at which a cone is visible
 BAND = 4.0  # weight of the middle of the filter's band, equations (8) and (10)
 USUAL_TIME = 10.0  # averaging time of the usual innovation, s
 ROTATING = 1.5  # mean rate about the axis at which errors fixed in the tool have half of their full weight, rad/s
@@ -153,34 +148,6 @@ def _cone(p: BoundedParams, s: BoundedRecord, rotating: float) -> float:
 
 
 @compiled
-def follow_line(s: BoundedRecord) -> None:
-    """Update the part of the axial innovations that follows the rotation with the innovation of an update."""
-    # The displacement along the axis is the acceleration along it over -w^2.
-    found, T, square = s.innovations, s.sums.time, 0.0
-    force = s.latest.innovation[0] * s.last_w[0] ** 2
-    for j in range(2):
-        product = force * s.C[2, 1 + j]
-        found.line[j, 0] += T / (LINE_SHORT + T) * (product - found.line[j, 0])
-        found.line[j, 1] += T / (LINE_LONG + T) * (product - found.line[j, 1])
-        square += (found.line[j, 0] - found.line[j, 1]) ** 2
-    found.line_noise += T / (min(LINE_NOISE_TIME, s.settled) + T) * (square - found.line_noise)
-
-
-@compiled
-def _line(p: BoundedParams, s: BoundedRecord, sine2: float) -> float:
-    """
-    Return the variance of the axis from a cone that shows as an axial displacement once per turn, rad^2.
-
-    sine2: squared sine of the inclination. A cone c of the axis that is fixed in the tool moves the estimated position
-    along the axis by g c sin I / w^2 once per turn, equation (24).
-    """
-    line = s.innovations.line
-    square = line[0, 1] ** 2 + line[1, 1] ** 2 - LINE_CHANCE * LINE_SHARE * s.innovations.line_noise
-    variance: float = 2.0 * max(square, 0.0) / (p.gravity * max(sine2, LEAST_SINE2)) ** 2
-    return variance
-
-
-@compiled
 def _heading_rate(s: BoundedRecord) -> float:
     """Return the variance of the rate about the vertical from the gyro bias, (rad/s)^2."""
     total = 0.0
@@ -202,7 +169,7 @@ def floors(p: BoundedParams, s: BoundedRecord) -> tuple[float, float]:
     upright2 = min(C[2, 0] ** 2, 1.0)
     rotating = turn2 / (turn2 + ROTATING**2)
     along, aside = accelerometer_errors.variances(p, s, *hole_direction(s))
-    askew = rotating * _cone(p, s, rotating) + _line(p, s, across2)
+    askew = rotating * _cone(p, s, rotating)
     # The centripetal force of the sensor's circle is across the axis. If the axis of rotation is wrong, part of this
     # force is along the axis, where rotation does not average it out; it tilts the inclination in proportion to its
     # sine.

@@ -99,10 +99,6 @@ class Innovations:
     slow: Annotated[Array, 3]  #: low-passed ratio of innovation to sigma, for each tool axis
     #: Spectral density of the innovations at low frequencies, for each tool axis; 1 if they have the expected size.
     density: Annotated[Array, 3]
-    #: Product of the axial innovation and the down vector (tool y, z), times the squared rate,
-    #: low-passed over a short and a long time, m/s^2.
-    line: Annotated[Array, 2, 2]
-    line_noise: float  #: mean square of the difference of the two low-passed products, (m/s^2)^2
 
 
 class Clipping:
@@ -333,7 +329,6 @@ def forget_innovations(s: BoundedRecord) -> None:
     s.innovations.slow[:] = 0.0
     s.surprise = 0.0
     s.doubt[:] = 0.0
-    s.innovations.line[:] = 0.0
     s.recent.length = 0
     for found in (s.innovations.along, s.innovations.across):
         found.moved[:] = 0.0

@@ -103,24 +103,6 @@ def test_sigma_covers_the_cone_that_a_step_of_the_gyro_bias_leaves_while_rotatin
     assert beyond_three_sigma(got.part(late), down[late]) < 0.01
 
 
-@pytest.mark.slow(10)
-@pytest.mark.parametrize(
-    ("inclination_deg", "rpm", "axis"), [(40.0, 90.0, (0.0, 1.0, 0.0)), (60.0, 120.0, (0.0, 0.6, 0.8))]
-)
-@pytest.mark.parametrize("seed", [21, 22])
-def test_sigma_covers_the_cone_of_a_step_across_the_axis_that_is_not_found(inclination_deg, rpm, axis, seed):
-    # The cone shows as an axial displacement once per turn. Without equation (24): 10 to 86 % beyond 3 sigma.
-    stamps, gyro, accel, down = slide(inclination_deg, seed, "drill", rpm)
-    t = seconds(stamps)
-    gyro = gyro + np.where(t > STEP_S, np.radians(1.0), 0.0)[:, None] * np.array(axis)
-    got = bounded.run(P, bounded.initial(P), stamps, gyro, accel)
-    late = t > STEP_S + 15.0
-    assert beyond_three_sigma(got.part(late), down[late]) < 0.1
-    # Before the step, the same rotation has the usual sigma.
-    usual = (t > 30.0) & (t < STEP_S)
-    assert np.degrees(np.median(got.sigma_inclination[usual])) < 0.1
-
-
 def test_the_probabilities_of_the_jumps_and_of_no_jump_add_up_to_one():
     odds = np.array([2.0, 0.5, 1.0, 3.0])
     chances = [jumps._chance(odds, kind) for kind in range(4)]
