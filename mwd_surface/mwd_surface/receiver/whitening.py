@@ -102,17 +102,16 @@ def _predicted(lags: Array, count: float, prior: bool, best: Array) -> float:
     size in the difference of white noise. It costs the share of a coefficient that follows from the samples.
     """
     n, fitted = len(lags), 0.0
-    a, apart, work = np.zeros(n), np.zeros(n), np.zeros(n)
+    # Filter of m coefficients, and correlation of its error with the samples 0 to m steps back.
+    a, apart = np.zeros(n), np.zeros(n)
     a[0] = best[0] = 1.0
-    error = least = lags[0]
+    apart[0] = error = least = lags[0]
     lowest = count * np.log(error)
     for m in range(1, n):
-        # Correlation of the errors of forward and backward prediction, which the filter of m coefficients leaves.
+        # Correlation of the errors of forward and backward prediction, which the filter leaves.
         total = error = 0.0
-        for j in range(m + 1):
-            apart[j] = 0.0
-            for i in range(m):
-                apart[j] += a[i] * lags[abs(j - i)]
+        for i in range(m):
+            apart[m] += a[i] * lags[m - i]
         for i in range(m):
             total += a[i] * apart[m - i]
             error += a[i] * apart[i]
@@ -120,15 +119,24 @@ def _predicted(lags: Array, count: float, prior: bool, best: Array) -> float:
         share = 1.0 / (1.0 + (m + 1) ** 2 * (1.0 - k * k) / count) if prior else 1.0
         k *= share
         fitted += share
-        for i in range(1, m + 1):
-            work[i] = a[i] + k * a[m - i]
-        a[1 : m + 1] = work[1 : m + 1]
+        _add_reversed(a[: m + 1], k)
+        _add_reversed(apart[: m + 1], k)
         error += 2.0 * k * total + k * k * error
         if count * np.log(error) + 2.0 * fitted < lowest:
             # Each coefficient fits its share of the noise, so correct the variance.
             lowest, least = count * np.log(error) + 2.0 * fitted, error * count / (count - fitted)
             best[:] = a
     return float(least)
+
+
+@compiled
+def _add_reversed(x: Array, k: float) -> None:
+    """Add k times the reversed values to the values x, shape (n,), in place."""
+    n = len(x)
+    for i in range((n + 1) // 2):
+        first, last = x[i], x[n - 1 - i]
+        x[i] = first + k * last
+        x[n - 1 - i] = last + k * first
 
 
 @compiled
