@@ -93,6 +93,8 @@ def case_row(case: Case, seeds: int) -> str:
                     error.append(float(wrap_pi(survey.station.azimuth - azimuth)))
                     sigma.append(survey.station.sigma_azimuth)
     e, s = np.degrees(error), np.degrees(sigma)
-    off = f"{np.sqrt(np.mean(e**2)):.2f} | {e.mean():+.2f} | {s.mean():.2f} | {np.mean((e / s) ** 2):.2f}"
-    within = 100.0 * np.mean(np.abs(e) <= 2.0)
-    return f"| {case.title} | {taken} | {len(e)} | {off} | {within:.0f} % | {np.degrees(np.max(magnetic)):.1f} |"
+    off = "- | - | - | - | -"
+    if len(e):
+        off = f"{np.sqrt(np.mean(e**2)):.2f} | {e.mean():+.2f} | {s.mean():.2f} | {np.mean((e / s) ** 2):.2f}"
+        off += f" | {100.0 * np.mean(np.abs(e) <= 2.0):.0f} %"
+    return f"| {case.title} | {taken} | {len(e)} | {off} | {np.degrees(np.max(magnetic)):.1f} |"
