@@ -620,7 +620,7 @@ def test_the_memory_of_the_estimator_does_not_grow_from_survey_to_survey(monkeyp
     imu, mag = (samples[::2].copy() for samples in _samples(seconds=30.0, rate=10.0, still_after=12.0))
     tracemalloc.start()
     # After eleven minutes its histories are full.
-    for rounds in (22, 10):
+    for rounds in (22, 10, 10):
         for _ in range(rounds):
             surveys += sum(len(output.surveys) for output in _run(imu, mag, pipeline, (500, 1000)))
             imu["stamp_ns"] += 30 * 10**9
@@ -628,9 +628,10 @@ def test_the_memory_of_the_estimator_does_not_grow_from_survey_to_survey(monkeyp
         gc.collect()
         sizes.append(tracemalloc.get_traced_memory()[0])
     tracemalloc.stop()
-    assert surveys >= 31
-    # Of 72 h, at one survey every 30 s, no more than 20 MB.
-    assert (sizes[1] - sizes[0]) / 10 * 72 * 120 < 20e6
+    assert surveys >= 41
+    # Of 72 h, at one survey every 30 s, no more than 20 MB. The lists of free objects of Python and numpy may grow by
+    # 3 kB a survey for a while, depending on the tests before.
+    assert min(np.diff(sizes)) / 10 * 72 * 120 < 20e6
 
 
 def test_a_magnetometer_in_a_frame_of_its_own_is_not_reported_as_one_that_never_came():
