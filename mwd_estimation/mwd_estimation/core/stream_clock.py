@@ -138,7 +138,7 @@ def sensor_period(s: JitterState) -> float:
 
 @compiled
 def stands_still(s: JitterState) -> bool:
-    """Return whether so many samples had the last stamp that the clock has stopped."""
+    """Return whether the clock has stopped: the latest stamp has repeated for more samples than usual."""
     return bool(s.place >= (_MOST if s.count < _FEW else _TIMES * s.group + _MARGIN))
 
 
@@ -193,8 +193,8 @@ _SHARED_FAR = 1.25  # the same limit, in periods, of samples that share stamps
 # are missing. If they usually are, the first stamp is enough: share of such stamps above which they usually are, and
 # weight of the newest one.
 _ALIKE, _USUALLY, _LEARNS = 0.125, 0.4, 0.1
-# A line whose distance from the stamps is more than _ASTRAY times their jitter, and than the share _LOOSE of a period,
-# is not used for the next _REST stamps: so many samples are missing that the sample number is not known.
+# If the stamps are off the line by more than _ASTRAY times their jitter and by more than the share _LOOSE of a period,
+# samples were lost and the numbers of the others are not known. The line is then not used for the next _REST stamps.
 _ASTRAY, _LOOSE, _REST = 1.5, 0.25, 1000
 
 

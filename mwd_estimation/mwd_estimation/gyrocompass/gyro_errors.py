@@ -30,9 +30,9 @@ from mwd_sensors.core.frames import wrap_pi
 # shares of units that are better than stated, as stated, and worse than stated are a guess. The share of better units
 # is small, because some units that are as stated look better by chance, and their sigma would be too small.
 _BIAS_SCALES: Array = np.array([4.0**k for k in range(-4, 2)])
-# Scales of a drift whose ramp changes within `_RAMP_S`, and of a drift whose ramp is the same for the whole run. After
-# four stations the run shows a lasting ramp, so that it no longer makes the azimuth uncertain. Of 800 stations of a
-# unit that drifts steadily by 10 deg/h per hour, 196 give an azimuth, six of them beyond 3 sigma; without `_LASTING`,
+# Scales of a drift whose slope changes within `_RAMP_S`, and of a drift whose slope is constant for the whole run. From
+# the fifth station on, a constant slope is known, so that it no longer makes the azimuth uncertain. Of 800 stations of
+# a unit that drifts steadily by 10 deg/h per hour, 196 give an azimuth, six of them beyond 3 sigma; without `_LASTING`,
 # 32 and seven.
 _CHANGING, _LASTING = np.array([4.0**k for k in (-2, -1, 0, 1, 4)]), np.array([4.0])
 _DRIFT_SCALES: Array = np.append(_CHANGING, _LASTING)

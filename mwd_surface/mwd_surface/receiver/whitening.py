@@ -98,8 +98,9 @@ def _predicted(lags: Array, count: float, prior: bool, best: Array) -> float:
     """
     Fill `best` with the filter of the order that Akaike's criterion selects; return its innovation variance.
 
-    With a prior, the partial correlation of lag m is 0 +- 1 / (m + 1) before the `count` samples are known; this is its
-    size in the difference of white noise. It costs the share of a coefficient that follows from the samples.
+    The prior of the partial correlation of lag m is normal with mean 0 and sigma 1 / (m + 1); the partial correlations
+    of the first difference of white noise have this size. In Akaike's criterion a coefficient counts with the share to
+    which the samples, and not the prior, determine it.
     """
     n, fitted = len(lags), 0.0
     # Filter of m coefficients, and correlation of its error with the samples 0 to m steps back.

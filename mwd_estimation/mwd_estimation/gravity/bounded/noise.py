@@ -26,8 +26,8 @@ RIPPLE_TIME = 0.03  # time constant of the three high-passes of the roll, s: sti
 START_DISPLACEMENT = 0.1  # displacement assumed at a start, m
 # Averaging time of the fast part of the rates, s; the slow part lies between the two time constants SLOW, s.
 ROCKING_MEMORY, SLOW = 10.0, (0.1, 2.0)
-# Largest square of aliased rocking over the mean square of the fast part: 2 for a sine, and another 2 because the fast
-# part becomes smaller while the vibration approaches the sampling rate.
+# Bound of the squared peak of aliased rocking over the mean square of the fast part: a factor of 2 for a sine, and a
+# further factor of 2 because the fast part becomes smaller while the vibration approaches the sampling rate.
 ROCKING_PEAK = 4.0
 ROCKING_TIME = (
     0.25  # correlation time of aliased rocking, s: a sweep of 1 Hz/s passes the sampling rate within a second

@@ -137,7 +137,8 @@ def unread_flow(
     """
     Return begin and end, s, of the longest flow without a believed word that was long enough for a survey.
 
-    Return None if there is no such flow. words: words decoded from the pressure; other arguments as in `sent_tool`.
+    Return None if each flow of this length has a believed word. words: words decoded from the pressure; other arguments
+    as in `sent_tool`.
     """
     needed_s = tool.transmit_delay_s + tool.head_s + tool.seconds(tool.surveys[0])
     believed = [word.start_s for word in words if word.status == BELIEVED]

@@ -256,8 +256,8 @@ def _absorbed(response: Array, count: int, pumps: Array) -> Array:
     """
     Return the part of the common energy of two pulses that the pump lines take up, by their distance in TU.
 
-    The sizes of the lines are fitted to the pressure without the expected pulses. If a pulse is not where it is
-    expected, a part of it goes into the lines, so the pressure contains less information about its place.
+    The amplitudes of the lines are fitted to the pressure after the expected pulses are subtracted. The lines take up
+    a part of a pulse that is not where it is expected, which leaves less information about its place.
 
     response: whitened response to a pulse; count: number of distances; pumps: lines, as in `PumpNoise`.
     """

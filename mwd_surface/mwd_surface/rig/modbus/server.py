@@ -338,7 +338,7 @@ class ModbusServer(RigInterface):
                     answer_next(connection)
 
         def answer_next(connection: _Connection) -> None:
-            """Give the requests to pymodbus one after the other, because it forgets what came with a request."""
+            """Give pymodbus one request at a time: it drops all bytes that were received together with a request."""
             while not connection.answering and (request := self._next_request(connection)):
                 connection.requests += 1
                 answer = self._at_once(request)

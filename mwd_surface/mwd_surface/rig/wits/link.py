@@ -88,8 +88,8 @@ class Wits0Sender:
         """
         Return the records of new and changed surveys; the last one is always that of the last accepted survey.
 
-        WITS cannot withdraw a survey. If an older survey changes, or if the last one is no longer accepted, the last
-        accepted survey is sent again, so that the peers do not keep another one as the last.
+        WITS cannot withdraw a survey. If an older survey changes, or the latest one is no longer accepted, the latest
+        survey that is still accepted is sent again, so that the peers do not keep another one as the last.
         """
         before, last = self._sent_last, values.survey
         known = {s.key for s in values.surveys} if self._sent_keys is None else self._sent_keys
