@@ -171,14 +171,20 @@ class RecordingServer:
         except RecorderError as error:
             self._node.get_logger().error(printable(f"recording not finished: {error}"))
 
-    def _attach_files(self) -> None:
-        """Attach the files from `attachments` to the recording before the recording ends."""
+    def _attach_files(self) -> str:
+        """
+        Attach the files from `attachments` to the recording before the recording ends.
+
+        Return the reason if a file could not be attached; the files after it are then not attached either.
+        """
         for name, media_type, data in self._attachments():
             try:
                 self._recorder.attach(name, media_type, data, time.time_ns(), _ATTACH_TIMEOUT_S)
             except RecorderError as error:
-                self._node.get_logger().error(printable(f"{name} is not in the recording: {error}"))
-                return
+                text = f"{name} is not in the recording: {error}"
+                self._node.get_logger().error(printable(text))
+                return text
+        return ""
 
     def add_tables(self, tables: Mapping[str, Mapping[str, str]]) -> None:
         """Add named tables to the metadata of the running recording; later recordings get them at their start."""
@@ -201,14 +207,27 @@ class RecordingServer:
         return self._respond(response, lambda: self._start(request.name), "recording into")
 
     def stop(self, _request: Any, response: Any) -> Any:
-        """Stop the recording; return the response (service)."""
-        if self._recorder.status().state == RecorderState.RECORDING:
-            self._attach_files()
-        return self._respond(response, self._recorder.stop, "finished")
+        """Stop the recording; return the response, which also says what the recording lacks (service)."""
+        missing = "" if self._recorder.status().state == RecorderState.STOPPED else self._attach_files()
+
+        def lacks() -> list[str]:
+            ended = self._recorder.last
+            if ended is None:
+                return [missing]
+            lost = f"{ended.dropped} messages were not recorded" if ended.dropped else ""
+            paused = f"the recording ended in a pause: {ended.reason}" if ended.reason else ""
+            return [missing, lost, paused]
+
+        return self._respond(response, self._recorder.stop, "finished", lacks)
 
     def split(self, _request: Any, response: Any) -> Any:
         """Continue the recording in a new file; return the response (service)."""
-        return self._respond(response, self._recorder.split, "finished")
+
+        def lacks() -> list[str]:
+            reason = self._recorder.status().reason
+            return [f"the recording is paused: {reason}" if reason else ""]
+
+        return self._respond(response, self._recorder.split, "finished", lacks)
 
     def snapshot(self, _request: Any, response: Any) -> Any:
         """
@@ -218,14 +237,18 @@ class RecordingServer:
         """
         return self._respond(response, self._recorder.snapshot, "written")
 
-    def _respond(self, response: Any, action: Callable[[], Path], word: str) -> Any:
+    def _respond(
+        self, response: Any, action: Callable[[], Path], word: str, lacks: Callable[[], Iterable[str]] = tuple
+    ) -> Any:
+        """Carry out an action and return the response; lacks: returns what is missing after the action, in words."""
         try:
             path = action()
         except RecorderError as error:
             response.success, response.message = False, str(error)
             return response
-        response.success, response.message = True, f"{word} {path}"
-        self._alarm_log.log_event("recorder", response.message)
+        missing = [text for text in lacks() if text]
+        response.success, response.message = True, "; ".join([f"{word} {path}", *missing])
+        self._alarm_log.log_event("recorder", response.message, Severity.WARNING if missing else Severity.INFO)
         if hasattr(response, "path"):
             response.path = str(path)
         return response

@@ -10,7 +10,7 @@ from mwd_msgs import srv
 
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.well_state import RodCount
-from mwd_surface.nodes.survey_list_server import SurveyListServer
+from mwd_surface.nodes.survey_list_server import SAVE_REMEDY, SurveyListServer, answer_with
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.rods import CORRECT, RodLog, RodSettings, RodTally, disagreement
 
@@ -39,6 +39,7 @@ class RodServer:
         #: sends no depth.
         self.rig_depth = lambda: None
         self._agreed = True  # whether tally and rig agreed, or the rig sent no depth, at the last change or later
+        self._unsaved = ""  # reason why changes of the tally are not on disk; empty if they are
         self._taken = 0  # number of surveys in the list at the last change
         self._read()
         self.show()
@@ -120,7 +121,7 @@ class RodServer:
             log.log_event("rods", f"rods counted by {operator_name}: {words}")
         if change == 1 and missed:
             log.log_event("rods", missed, Severity.WARNING)
-        return True, words
+        return True, answer_with(words, self._unsaved)
 
     def show(self) -> None:
         """Show the tally on the page; does nothing if depth is not counted by rods."""
@@ -167,10 +168,10 @@ class RodServer:
         try:
             self._log.keep(tally)
         except OSError as error:
-            text = f"the log of rods {self._log.path} could not be written: {error.strerror}"
-            remedy = "free space on the disk; writing is retried every second"
-            log.raise_alarm("rods.unsaved", Severity.WARNING, text, remedy)
+            self._unsaved = f"the log of rods {self._log.path} could not be written: {error.strerror}"
+            log.raise_alarm("rods.unsaved", Severity.WARNING, self._unsaved, SAVE_REMEDY)
             return
+        self._unsaved = ""
         log.clear_alarm("rods.unsaved")
         if tally.changes and tally.changes[-1].action == CORRECT:
             log.clear_alarm("rods.log")

@@ -46,6 +46,8 @@ from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.slide_sheet import DrilledStretch
 from mwd_surface.trajectory.well_path import Definitive
 
+SAVE_REMEDY = "free space on the disk; writing is retried every second"
+
 
 class SurveyListServer(SurveyBook):
     """
@@ -136,12 +138,15 @@ class SurveyListServer(SurveyBook):
         result = self._node.set_parameters_atomically([Parameter(f"leg.{key}", value=given[key]) for key in given])
         if not result.successful:
             return False, result.reason
+        # The node reads the plan again before it applies its parameters; apply the leg now, so that the answer knows
+        # whether the list is on disk.
+        self.replace(self._with_leg(self.surveys, self._node.settings.leg))
         if name in earlier:
             text = f"the next surveys belong to leg {name}, by {operator_name}"
         else:
             text = f"leg {name} leaves {self.surveys.leg} at {kick_off_depth:.2f} m, by {operator_name}"
         self._alarm_log.log_event("survey list", text)
-        return True, text
+        return True, answer_with(text, self._save_error)
 
     def _alarm_settings(self, error: ValueError) -> None:
         self._alarm_log.raise_alarm("surveys.settings", Severity.WARNING, f"survey list: settings not changed: {error}")
@@ -196,7 +201,7 @@ class SurveyListServer(SurveyBook):
                 self.publish_accepted(record)
         because = f": {request.reason}" if request.reason else ""
         self._alarm_log.log_event("survey", f"survey {request.sequence} {word} by {request.operator_name}{because}")
-        return f"survey {request.sequence} {word} by {request.operator_name}"
+        return answer_with(f"survey {request.sequence} {word} by {request.operator_name}", self._save_error)
 
     def set_depth(self, request: Any, response: Any) -> Any:
         """Set the bit depth by hand; return the response, with the reason if the depth is refused (service)."""
@@ -272,8 +277,7 @@ class SurveyListServer(SurveyBook):
         except StoreError as error:
             # Saving is retried every second: raise the alarm only once for an error.
             if str(error) != self._save_error:
-                remedy = "free space on the disk; writing is retried every second"
-                self._alarm_log.raise_alarm("surveys.unsaved", Severity.CRITICAL, str(error), remedy)
+                self._alarm_log.raise_alarm("surveys.unsaved", Severity.CRITICAL, str(error), SAVE_REMEDY)
             self._save_error = str(error)
             return
         self._save_error = ""
@@ -345,6 +349,11 @@ class SurveyListServer(SurveyBook):
         """Return a diagnostic with the number of surveys, or with the reason why the list is not saved."""
         text = self._save_error or f"{len(self.surveys.records)} surveys"
         return [Diagnostic("survey list", ERROR if self._save_error else OK, text)]
+
+
+def answer_with(words: str, unsaved: str) -> str:
+    """Return the answer to a change by a person; unsaved: why the change is not on disk yet, empty if it is."""
+    return "; ".join([words, f"in force, but not on disk yet: {unsaved}", SAVE_REMEDY] if unsaved else [words])
 
 
 def _files(table: SurveyTable, *, report: bool) -> list[tuple[str, str, bytes]]:

@@ -334,6 +334,33 @@ def test_a_log_of_rods_that_cannot_be_read_is_an_alarm_and_the_node_starts(serve
     assert "rods.unsaved" in server.log.standing
 
 
+def test_the_answer_to_a_change_that_is_not_on_disk_says_so_until_it_is_stored(server):
+    book, node, folder = server.server, server.context.node, server.context.folder / "surveys"
+    node.settings = SurfaceSettings(well=example.WELL, leg=LegSettings(tie_on_depth=0.0))
+    node.set_parameters_atomically = lambda _: SimpleNamespace(successful=True)
+    rods = RodServer(server.context, RodSettings(1.5, 501.0), book)
+    changes = {
+        "accept": lambda: decide(book.accept).message,
+        "reject": lambda: decide(book.reject, reason="steel").message,
+        "leg": lambda: book.use_leg(leg=MAIN, operator_name="Ann")[1],
+        "rods": lambda: rods.count(change=1, operator_name="Ann")[1],
+    }
+    book.on_survey(example.survey(1, 10.0, 40.0))
+    for name, change in changes.items():
+        assert "not on disk" not in change(), name
+    # A folder in the place of the file makes each attempt to write fail, as a full disk does.
+    (folder / "surveys.writing.json").mkdir()
+    (folder / "rods.csv").rename(folder / "kept.csv")
+    (folder / "rods.csv").mkdir()
+    for name, change in changes.items():
+        assert "not on disk" in change(), name
+    (folder / "surveys.writing.json").rmdir()
+    (folder / "rods.csv").rmdir()
+    book.retry_save()
+    for name, change in changes.items():
+        assert "not on disk" not in change(), name
+
+
 def test_a_rod_without_a_survey_and_a_tally_beside_the_rig_are_told(server):
     rods = RodServer(server.context, RodSettings(1.5, 501.0), server.server)
     rods.count(change=1, operator_name="Li")

@@ -85,6 +85,9 @@ class Recorder:
         self._space = space
         self._queue = MessageQueue(self.settings.queue_bytes)
         self._session: Session | None = None
+        #: Status of the last recording at its end, with the number of its lost messages, and with the reason if it
+        #: ended in a pause; None before the first end of a recording.
+        self.last: RecorderStatus | None = None
         kept = self.settings.snapshot_seconds
         self._ring = SnapshotRing(kept, self.settings.snapshot_bytes) if kept > 0 else None
         self._taking = self._ring is not None
@@ -182,18 +185,20 @@ class Recorder:
         """
         Attach a file to the recording, with the time log_ns, ns since the epoch.
 
-        Raises RecorderError if no recording is running, or the disk cannot be written or does not answer in
-        `timeout_s`.
+        Raises RecorderError if no recording is running or it is paused, or the disk cannot be written or does not
+        answer in `timeout_s`.
         """
-        self._command(lambda: self._running().writer.attach(name, media_type, data, log_ns), timeout_s)
+        self._command(lambda: self._writing().writer.attach(name, media_type, data, log_ns), timeout_s)
 
     def add_metadata(self, name: str, values: Mapping[str, str], timeout_s: float = 3.0) -> None:
         """Store a named table of strings inside the recording. Errors as in `attach`."""
-        self._command(lambda: self._running().writer.add_metadata(name, dict(values)), timeout_s)
+        self._command(lambda: self._writing().writer.add_metadata(name, dict(values)), timeout_s)
 
     def status(self) -> RecorderStatus:
         """Return the status; never waits."""
-        session = self._session
+        return self._status_of(self._session)
+
+    def _status_of(self, session: Session | None) -> RecorderStatus:
         return RecorderStatus(
             state=session.state if session else RecorderState.STOPPED,
             reason=session.reason if session else "",
@@ -341,14 +346,15 @@ class Recorder:
         text = f"recording of {session.writer.path} stopped{f'; {lost} messages were lost' if lost else ''}"
         self._report(EventLevel.WARNING if lost else EventLevel.INFO, text)
         session.finish()
+        self.last = self._status_of(session)
         self._session, self._deadline, self._free = None, None, session.free
+        if self.last.dropped > lost:
+            text = f"{self.last.dropped - lost} messages were lost at the end of {session.writer.path}"
+            self._report(EventLevel.ERROR, text)
         return session.writer.path
 
     def _split_asked(self) -> Path:
-        session = self._running()
-        if not session.writing:
-            raise RecorderError(f"the recording is paused: {session.reason}")
-        return session.split()
+        return self._writing().split()
 
     def _snapshot(self, name: str) -> Path:
         if self._ring is None:
@@ -382,6 +388,12 @@ class Recorder:
         if self._session is None:
             raise RecorderError("no recording is running")
         return self._session
+
+    def _writing(self) -> Session:
+        session = self._running()
+        if not session.writing:
+            raise RecorderError(f"the recording is paused: {session.reason}")
+        return session
 
     def _report(self, level: EventLevel, text: str) -> None:
         event = RecorderEvent(time.time_ns(), level, text)
