@@ -408,6 +408,14 @@ def test_a_simulated_run_is_processed_to_its_surveys(tmp_path):
     done = mwd("bag", "info", tmp_path / "bag")
     assert done.returncode == 0
     assert "/well_4/truth" in done.stdout
+    # The folder of a run has the same recording, with the same size.
+    run = tmp_path / "run" / "well_4" / "bags"
+    run.mkdir(parents=True)
+    (tmp_path / "bag").rename(run / "bag")
+    of_run = mwd("bag", "info", tmp_path / "run")
+    assert of_run.stdout.split(": ", 1)[1] == done.stdout.split(": ", 1)[1]
+    size = sum(file.stat().st_size for file in (run / "bag").glob("*.mcap"))
+    assert f", {size / 1e6:.1f} MB" in of_run.stdout
 
 
 @pytest.mark.slow

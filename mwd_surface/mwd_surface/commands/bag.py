@@ -30,8 +30,7 @@ def info(
 
     with Bag(path) as opened:
         start = datetime.datetime.fromtimestamp(opened.start_ns * 1e-9, tz=datetime.UTC)
-        size = sum(file.stat().st_size for file in ([path] if path.is_file() else path.iterdir()) if file.is_file())
-        terminal.tell(f"{path}: {opened.message_count} messages, {size / 1e6:.1f} MB")
+        terminal.tell(f"{path}: {opened.message_count} messages, {opened.size_bytes / 1e6:.1f} MB")
         about = f"from {start:%Y-%m-%d %H:%M:%S} UTC, {opened.duration_s:.1f} s; rates are means over this time"
         terminal.tell(about)
         topics = sorted([*opened.topics.values(), *opened.unreadable.values()], key=lambda one: one.name)
@@ -45,7 +44,7 @@ def info(
         for attachment in opened.attachments():
             terminal.tell(f"attached: {attachment.name} ({len(attachment.data)} bytes)")
         terminal.warn(*opened.notes)
-        if is_being_written(path):
+        if is_being_written(opened.path):
             terminal.remark(f"{path} is being recorded")
         elif not opened.complete:
             raise ValueError(f"{path} is cut off or damaged; `mwd recover {path}` repairs it")
