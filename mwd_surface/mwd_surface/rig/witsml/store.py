@@ -2,9 +2,10 @@
 """
 Client that pushes the definitive survey to a WITSML 1.4.1.1 store: AddToStore first, then UpdateInStore.
 
-An update does not remove stations that are no longer in the survey, so they are deleted with DeleteFromStore. The store
-interface is SOAP 1.1 over HTTP(S): a request contains the text of a trajectory, the answer a number and a message.
-Answers are parsed without entities, limited in size, and never cause another request.
+An update does not remove what the survey no longer has, such as a station, or an azimuth that has become unknown. It is
+deleted with DeleteFromStore. The store interface is SOAP 1.1 over HTTP(S): a request contains the text of a trajectory,
+the answer a number and a message. Answers are parsed without entities, limited in size, and never cause another
+request.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable
+from typing import Any
 from urllib.parse import urlsplit
 from xml.sax.saxutils import escape
 
@@ -71,8 +73,8 @@ class WitsmlStore(RigInterface):
         self.settings = settings
         self._document = ""
         self._sent_document = ""
-        # Identifiers of the stations of each trajectory that were written to the store.
-        self._stations_of: dict[str, set[str]] = {}
+        # Elements of each trajectory that were written to the store, by the identifier of the trajectory.
+        self._written: dict[str, set[ElementPath]] = {}
         self._sent = self._failures = 0
         self._reason = self._last = ""
         self._since = 0.0
@@ -143,23 +145,23 @@ class WitsmlStore(RigInterface):
             if "1.4.1.1" not in self._version.split(","):
                 versions, self._version = self._version, ""
                 raise StoreRefusedError(f"the store speaks WITSML {versions or 'of an unknown version'}, not 1.4.1.1")
-        uid, stations = _uid(document), _stations(document)
+        uid, elements = _uid(document), _elements(document)
+        before = self._written.get(uid, set())
         add, update = "WMLS_AddToStore", "WMLS_UpdateInStore"
-        first, second = (update, add) if uid in self._stations_of else (add, update)
+        first, second = (update, add) if before else (add, update)
         result, message = self._order(first, "XMLin", document)
         if result == (ALREADY_THERE if first == add else NOT_THERE):
             first = second
             result, message = self._order(second, "XMLin", document)
         if result < SUCCESS:
             raise StoreRefusedError(f"{first}: the store refused with {result}" + (f": {message}" if message else ""))
-        before = self._stations_of.get(uid, set())
-        self._stations_of[uid] = before | stations
-        gone = before - stations
+        self._written[uid] = before | elements
+        gone = before - elements
         if gone and first == update:
             result, message = self._order("WMLS_DeleteFromStore", "QueryIn", _without(document, gone))
             if result < SUCCESS:
                 raise StoreRefusedError(f"WMLS_DeleteFromStore: the store refused with {result}: {message}")
-        self._stations_of[uid] = stations
+        self._written[uid] = elements
 
     def _order(self, order: str, name: str, document: str) -> tuple[int, str]:
         """
@@ -265,13 +267,48 @@ def _uid(document: str) -> str:
     return match[1] if match else ""
 
 
-def _stations(document: str) -> set[str]:
-    """Return the station identifiers as written in the document."""
-    return set(re.findall(r"<trajectoryStation\b[^>]*\suid=\"([^\"]*)\"", document))
+ElementPath = tuple[tuple[str, str], ...]  #: tag and identifier of each element from the trajectory to an element
 
 
-def _without(document: str, stations: set[str]) -> str:
-    """Return the DeleteFromStore query that names the stations, with the opening elements of the document."""
+def _elements(document: str) -> set[ElementPath]:
+    """Return the elements of a trajectory that a store can delete: those with an identifier or with a text."""
+    from lxml import etree
+
+    found: set[ElementPath] = set()
+
+    def visit(element: Any, above: ElementPath) -> None:
+        for child in element:
+            path = (*above, (etree.QName(child).localname, child.get("uid", "")))
+            if child.get("uid") or (child.text or "").strip():
+                found.add(path)
+            # The elements of customData have no identifiers and are not described by the schema.
+            if path[-1][0] != "customData":
+                visit(child, path)
+
+    visit(etree.fromstring(document.encode())[0], ())
+    return found
+
+
+def _without(document: str, gone: set[ElementPath]) -> str:
+    """
+    Return the DeleteFromStore query of the elements of a trajectory, with the opening elements of the document.
+
+    A store deletes an element that is empty in the query. The unit of an empty element must not be given (-417 of the
+    store interface), and an element without identifier that contains others must not be empty (-419).
+    """
+    from lxml import etree
+
     head = re.search(r"<trajectorys\b[^>]*>\s*<trajectory\b[^>]*>", document)
-    names = "".join(f'<trajectoryStation uid="{uid}"/>' for uid in sorted(stations))
-    return f"{head[0] if head else ''}{names}</trajectory></trajectorys>"
+    root = etree.fromstring(f"{head[0] if head else ''}</trajectory></trajectorys>")
+    nodes: dict[ElementPath, Any] = {(): root[0]}
+    for path in sorted(gone):
+        # A station that is deleted as a whole is empty in the query.
+        if any(path[:k] in gone for k in range(1, len(path))):
+            continue
+        for k in range(1, len(path) + 1):
+            tag, uid = path[k - 1]
+            if path[:k] not in nodes:
+                nodes[path[:k]] = etree.SubElement(nodes[path[: k - 1]], f"{{{root.nsmap[None]}}}{tag}")
+                if uid:
+                    nodes[path[:k]].set("uid", uid)
+    return str(etree.tostring(root, encoding="unicode"))

@@ -4,6 +4,7 @@
 import base64
 import contextlib
 import http.server
+import random
 import threading
 import xml.etree.ElementTree as ET
 from xml.sax.saxutils import escape
@@ -11,6 +12,7 @@ from xml.sax.saxutils import escape
 import pytest
 from example_rig import eventually, started
 from example_surveys import MADE, surveys, table
+from lxml import etree
 
 from mwd_surface.exports.export_witsml import witsml
 from mwd_surface.exports.survey_table import survey_table
@@ -52,12 +54,16 @@ class Stub(http.server.BaseHTTPRequestHandler):
         document = call.findtext("QueryIn" if order == "WMLS_DeleteFromStore" else "XMLin")
         (trajectory,) = ET.fromstring(document.encode())  # noqa: S314
         uid, kept = trajectory.get("uid"), self.server.kept
+        if order in self.server.refused:
+            self.server.refused.remove(order)
+            return ENVELOPE.format("<r><Result>-1</Result><SuppMsgOut>busy</SuppMsgOut></r>").encode()
         there = uid in kept
         code = {("WMLS_AddToStore", True): -405, ("WMLS_UpdateInStore", False): -433}.get((order, there), 1)
         if order == "WMLS_DeleteFromStore":
-            self.server.deleted += [station.get("uid") for station in trajectory]
+            self.server.deleted += [station.get("uid") for station in trajectory if not len(station)]
+            kept[uid] = without(kept[uid], document)
         elif code == 1:
-            kept[uid] = document
+            kept[uid] = updated(kept[uid], document) if there else document
         reported = escape("no such <object>" if code < 0 else "")
         inside = f"<Result>{code}</Result><SuppMsgOut>{reported}</SuppMsgOut>"
         return ENVELOPE.format(f"<m:{order}Response xmlns:m='urn:x'>{inside}</m:{order}Response>").encode()
@@ -66,10 +72,64 @@ class Stub(http.server.BaseHTTPRequestHandler):
         """Keep the test's output clean."""
 
 
+def key(element):
+    return element.tag, element.get("uid")
+
+
+def updated(kept, document):
+    """Return a kept trajectory after UpdateInStore: what the document does not name stays."""
+
+    def update(old, new):
+        old.text = new.text
+        before = {key(child): child for child in old}
+        for child in new:
+            if key(child) in before and "customData" not in child.tag:
+                update(before[key(child)], child)
+            elif "customData" not in child.tag:
+                old.append(child)
+        return old
+
+    return ET.tostring(update(*(ET.fromstring(text.encode()) for text in (kept, document))), encoding="unicode")  # noqa: S314
+
+
+def without(kept, query):
+    """Return a kept trajectory after DeleteFromStore: what is empty in the query is deleted."""
+
+    def delete(old, asked):
+        before = {key(child): child for child in old}
+        for child in asked:
+            found = before[key(child)]
+            assert "uom" not in child.attrib, "-417"
+            if len(child):
+                delete(found, child)
+                if not len(found) and not found.get("uid"):
+                    old.remove(found)
+            else:
+                assert child.get("uid") or not len(found), "-419"
+                old.remove(found)
+        return old
+
+    return ET.tostring(delete(*(ET.fromstring(text.encode()) for text in (kept, query))), encoding="unicode")  # noqa: S314
+
+
+def values(document):
+    """Return the texts of the elements of a trajectory, by the tags and identifiers on the way to each."""
+
+    def visit(element, above):
+        for child in element:
+            path = (*above, key(child))
+            if len(child):
+                yield from visit(child, path)
+            elif "customData" not in str(path) and child.text:
+                yield path, child.text
+
+    return dict(visit(ET.fromstring(document.encode()), ()))  # noqa: S314
+
+
 @contextlib.contextmanager
 def store(answers=()):
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Stub)
-    server.orders, server.headers, server.kept, server.deleted = [], [], {}, []
+    server.orders, server.headers, server.kept, server.deleted, server.refused = [], [], {}, [], []
     server.answers = list(answers)
     thread = threading.Thread(target=server.serve_forever, args=(0.01,))
     thread.start()
@@ -98,7 +158,7 @@ def test_a_trajectory_is_added_and_afterwards_updated_and_arrives_unchanged(docu
         assert list(server.kept.values()) == [document]
         changed = document.replace("<definitive>true", "<definitive>false")
         send(push, changed, 2)
-        assert list(server.kept.values()) == [changed]
+        assert values(*server.kept.values()) == values(changed)
         assert server.orders == ["WMLS_GetVersion", "WMLS_AddToStore", "WMLS_UpdateInStore"]
         status = push.status()
         assert (status.state, status.peers[0].last) == ("connected", "WMLS_UpdateInStore 1")
@@ -119,6 +179,35 @@ def test_a_station_that_is_taken_out_of_the_survey_is_deleted_in_the_store(docum
         send(push, document)
         send(push, witsml(less), 2)
         assert server.deleted == [whole.find(7).survey.uuid]
+
+
+def thinned(document, seed):
+    """Return a trajectory in which some numbers, texts and stations are no longer known."""
+    chance, root = random.Random(seed), etree.fromstring(document.encode())
+
+    def thin(element):
+        for child in list(element):
+            if child.tag.rpartition("}")[2] in ("customData", "md", "typeTrajStation"):
+                continue
+            if chance.random() < 0.3:
+                element.remove(child)
+            else:
+                thin(child)
+
+    thin(root[0])
+    return etree.tostring(root, encoding="unicode")
+
+
+@pytest.mark.parametrize("refused", [False, True])
+def test_what_becomes_unknown_does_not_stay_in_the_store(document, refused):
+    documents = [document, *(thinned(document, seed) for seed in range(6)), document]
+    with store() as server, started(client(server)) as push:
+        for k, one in enumerate(documents, start=1):
+            # A deletion that fails is made up for.
+            server.refused = ["WMLS_DeleteFromStore"] if refused else []
+            send(push, one, k)
+            assert values(*server.kept.values()) == values(one)
+        assert server.orders.count("WMLS_DeleteFromStore") >= 6
 
 
 def test_the_same_document_is_sent_once(document):
