@@ -69,8 +69,7 @@ class AcceptedSurvey:
     @functools.cached_property
     def remark(self) -> str:
         """Why the azimuth is doubtful; empty if it is not."""
-        north = self.path.north
-        return revision_doubt(self.record, north) or _remark(self.result, self.source, north)
+        return revision_doubt(self.record, self.path.north) or _remark(self.result, self.source)
 
     @functools.cached_property
     def assumption(self) -> str:
@@ -87,8 +86,11 @@ class AcceptedSurvey:
         """
         Return a number by its field in the signal table, or the sigma of a field; None if unknown.
 
-        Units: m, rad, rad/m, m/s^2, T, degC. The azimuth is from the north of the well.
+        Units: m, rad, rad/m, m/s^2, T, degC. The azimuth is from the north of the well; unknown if the survey has none,
+        as in a nearly vertical hole, although the path then continues with the azimuth of the station above.
         """
+        if field == "azimuth" and self.result.azimuth_from(self.path.north) is None:
+            return None
         if field in _OF_PATH:
             return or_none(getattr(self.path, field)[self.station])
         if field == "azimuth_uncorrected":
@@ -113,9 +115,7 @@ def _uncorrected(s: Survey) -> float | None:
     return s.azimuth_from(North.MAGNETIC) if s.azimuth_method in ("", AzimuthMethod.RAW) else None
 
 
-def _remark(s: Survey, source: AzimuthSource, north: North) -> str:
-    if s.azimuth_from(north) is None:
-        return "the survey has no azimuth; the azimuth of the station above is used"
+def _remark(s: Survey, source: AzimuthSource) -> str:
     doubt = Status(s.status) & _UNCORRECTED
     if doubt and not source.corrected:
         return "the azimuth is not corrected for interference"

@@ -336,6 +336,8 @@ def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
     for name in ("inclination", "azimuth"):
         value = float(getattr(path, name)[-1]) if beyond else None
         values[f"projected_{name}"] = _derived(value, state.age("path"), now_ns)
+    if beyond and not _has_azimuth(state):
+        values["projected_azimuth"] = RigValue(reason="the last survey has no azimuth")
     for signal in FROM_PLAN:
         values[signal.name] = _derived(getattr(state.offset, signal.field, None), state.age("offset"), now_ns)
     doubt = _doubt(state)
@@ -347,6 +349,14 @@ def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
     return {
         k: dataclasses.replace(v, condition=doubt[0], reason=doubt[1]) if k in doubted else v for k, v in values.items()
     }
+
+
+def _has_azimuth(state: WellState) -> bool:
+    """Return whether the last survey of the path has an azimuth; if not, the path has that of the station above."""
+    path = state.path
+    records = () if path is None else state.surveys.records_on(path)
+    last = next((one for one in reversed(records) if one is not None), None)
+    return path is None or last is None or last.survey.azimuth_from(path.north) is not None
 
 
 def _doubt(state: WellState) -> tuple[Condition, str] | None:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 from example_rig import NOW_NS, attitude, rig_state, values
-from example_surveys import S, survey, surveys
+from example_surveys import START, WELL, S, survey, surveys
 
 from mwd_estimation.core.status import Status
+from mwd_estimation.survey.survey import Verdict
 from mwd_surface.rig.wits.format import Decoder, encode
 from mwd_surface.rig.wits.records import RECORD_1, SENT, RecordWriter, Wits0Format, activity_code, rig_readings
 from mwd_surface.signals.units import UNITS
@@ -148,6 +149,23 @@ def test_a_survey_without_magnetometer_has_no_made_up_items():
     items = dict(RecordWriter(Wits0Format()).survey(table, table.survey))
     assert not {714, 723, 724, 726} & set(items)
     assert items[712] == "GYRO"
+
+
+@pytest.mark.parametrize("judged", [False, True])
+def test_the_azimuth_that_a_path_carries_through_a_vertical_station_is_not_sent_as_measured(judged):
+    upright = survey(2, 0.4, 75.0, azimuth=math.nan, verdict_azimuth=int(Verdict.NOT_DETERMINED))
+    whole = SurveyList(well=WELL).add(survey(1, 30.0, 75.0), 300.0, 0.0).add(upright, 330.0, 0.0)
+    whole = whole.accept(2, "Bo", "upright", START + 90_000 * S) if judged else whole
+    table = values(whole)
+    assert table.survey.result.sequence == 2
+    assert math.isfinite(table.survey.path.azimuth[table.survey.station])
+    form = Wits0Format(null_text="-9999")
+    items = dict(RecordWriter(form).survey(table, table.survey))
+    assert items[715] == "-9999"
+    assert items[713] == "0.40"
+    assert not table.values["survey_azimuth"].condition.usable
+    assert not table.values["projected_azimuth"].condition.usable
+    assert table.values["projected_inclination"].condition.usable
 
 
 def test_codes_names_and_units_are_those_of_the_specification():
