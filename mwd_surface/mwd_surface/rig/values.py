@@ -70,6 +70,9 @@ class RigValue:
     age: float | None = None  #: age of the measurement, s; None if nothing was measured
     sigma: float | None = None  #: 1 sigma in the unit of the value; None if unknown
     reason: str = ""
+    #: Time of the measurement by the clock of the well, s; None if it is not known by this clock.
+    at: float | None = None
+    exact: bool = False  #: whether `stamp_ns` is the stamp of the sample; otherwise it was computed from `at`
 
 
 # Sentence for the rig about each status flag that the signal table names as a doubt.
@@ -153,6 +156,8 @@ def rig_values(
     values.update(input_values(state, now_ns))
     values.update(log_values(state, now_ns))
     values.update(survey_values(surveys[-1] if surveys else None, now_ns))
+    if previous is not None:
+        values = {name: _same_stamp(v, previous.values[name]) for name, v in values.items()}
     if not active:
         values = {k: dataclasses.replace(v, condition=Condition.INACTIVE, reason="inactive") for k, v in values.items()}
     return RigValues(
@@ -238,13 +243,16 @@ def _of_value(value: LiveValue, state: WellState, now_ns: int, stamp_ns: int | N
     if value.value is None or value.age is None or age is None:
         return RigValue(reason=value.reason or "no data yet")
     live = value.state == Freshness.LIVE
+    exact = bool(live and stamp_ns and state.link is None)
     return RigValue(
         value.value,
         Condition.GOOD if live else Condition.STALE,
-        stamp_ns if live and stamp_ns and state.link is None else now_ns - round(age * NANOSECONDS),
+        stamp_ns if exact and stamp_ns else now_ns - round(age * NANOSECONDS),
         age,
         value.sigma,
         "" if live else value.reason or f"the last came {value.age:.1f} s ago",
+        value.measured_at,
+        exact,
     )
 
 
@@ -261,7 +269,19 @@ def _of_angle(angle: Angle | None, stamp_ns: int | None, stream: StreamState, no
         stream.age,
         angle.sigma,
         "" if live else f"the last came {stream.age:.1f} s ago",
+        stream.at,
+        live,
     )
+
+
+def _same_stamp(value: RigValue, before: RigValue) -> RigValue:
+    """
+    Return the value with the stamp of the previous value, if both come from one measurement.
+
+    A stamp that is computed from an age differs a little each time, because the clock of the well advances in steps.
+    """
+    same = not value.exact and value.at is not None and value.at == before.at
+    return dataclasses.replace(value, stamp_ns=before.stamp_ns) if same else value
 
 
 def _held(value: RigValue, before: RigValue | None, now_ns: int) -> RigValue:
@@ -335,11 +355,11 @@ def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
     beyond = path is not None and len(path.kind) > 0 and path.kind[-1] not in (TIE_ON, ASSUMED)
     for name in ("inclination", "azimuth"):
         value = float(getattr(path, name)[-1]) if beyond else None
-        values[f"projected_{name}"] = _derived(value, state.age("path"), now_ns)
+        values[f"projected_{name}"] = _derived(value, state, "path", now_ns)
     if beyond and not _has_azimuth(state):
         values["projected_azimuth"] = RigValue(reason="the last survey has no azimuth")
     for signal in FROM_PLAN:
-        values[signal.name] = _derived(getattr(state.offset, signal.field, None), state.age("offset"), now_ns)
+        values[signal.name] = _derived(getattr(state.offset, signal.field, None), state, "offset", now_ns)
     doubt = _doubt(state)
     if doubt is None:
         return values
@@ -390,8 +410,7 @@ def advice_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
     # Advice to rotate has no toolface, and its slide has no length: the slide ends at the start of the interval.
     bare = {} if slides else {"advised_toolface": math.nan, "advised_slide_to": advice.from_depth}
     table = {signal.name: getattr(advice, signal.field) for signal in FROM_ADVICE} | bare
-    age = state.age("advice")
-    values = {name: _derived(value, age, now_ns) for name, value in table.items()}
+    values = {name: _derived(value, state, "advice", now_ns) for name, value in table.items()}
     reason = advice.reason or "no advice"
     values = {
         k: v if v.condition == Condition.GOOD else dataclasses.replace(v, reason=reason) for k, v in values.items()
@@ -421,16 +440,19 @@ def input_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
         "rig_clock_offset": "no rig data come in",
     }
     values = {name: RigValue(reason=reason) for name, reason in waiting.items()}
-    stamp_ns = now_ns - round(since * NANOSECONDS)
+    stamp_ns, at = now_ns - round(since * NANOSECONDS), state.change("inputs").at
     for name, number in (("depth_age", inputs.depth_age), ("depth_difference", inputs.depth_difference)):
         if math.isfinite(number):
             grown = number + since if name == "depth_age" else number
-            values[name] = RigValue(grown, Condition.GOOD, stamp_ns, since)
+            values[name] = RigValue(grown, Condition.GOOD, stamp_ns, since, at=at)
     clocks = {"sonde_clock_offset": inputs.named(SONDE), "rig_clock_offset": rig_input(inputs)}
     for name, row in clocks.items():
         if row is not None and math.isfinite(row.clock_offset + row.offset_age):
             age = row.offset_age + since
-            values[name] = RigValue(row.clock_offset, Condition.GOOD, now_ns - round(age * NANOSECONDS), age)
+            stamp_ns = now_ns - round(age * NANOSECONDS)
+            values[name] = RigValue(
+                row.clock_offset, Condition.GOOD, stamp_ns, age, at=None if at is None else at - row.offset_age
+            )
     return values
 
 
@@ -461,7 +483,9 @@ def log_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
     return values
 
 
-def _derived(value: float | None, age: float | None, now_ns: int) -> RigValue:
+def _derived(value: float | None, state: WellState, part: str, now_ns: int) -> RigValue:
+    """Return a value of a part of the state, with the time at which the part was set; not known if None or NaN."""
+    age = state.age(part)
     if value is None or age is None or not math.isfinite(value):
         return RigValue(reason="no survey and plan to compute it from")
-    return RigValue(value, Condition.GOOD, now_ns - round(age * NANOSECONDS), age)
+    return RigValue(value, Condition.GOOD, now_ns - round(age * NANOSECONDS), age, at=state.change(part).at)

@@ -13,7 +13,7 @@ from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.toolface import GRAVITY, MAGNETIC
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.values import Condition, nothing_yet, rig_values, silenced
-from mwd_surface.signals.table import LOG, OF_SURVEY, PLAN, TO_RIG
+from mwd_surface.signals.table import BY_NAME, FROM_CONTROL, LOG, OF_SURVEY, PLAN, TO_RIG
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
 
@@ -157,3 +157,19 @@ def test_the_same_arguments_give_the_same_table():
     state = live(whole).at(NOW)
     accepted = accepted_surveys(whole)
     assert rig_values(state, accepted, now_ns=NOW_NS) == rig_values(state, accepted, now_ns=NOW_NS)
+
+
+@pytest.mark.parametrize("later", [0.0, 30.0])
+def test_the_stamp_of_a_measurement_does_not_change_while_nothing_new_comes(later):
+    whole = surveys()
+    state, accepted = live(whole), accepted_surveys(whole)
+    before = None
+    for k in range(5):
+        # The clock of the well advances in steps, the clock of the node does not.
+        seconds = later + 0.25 * k
+        now_ns = NOW_NS + round((seconds + 0.05 * math.sin(7.0 * k)) * S)
+        table = rig_values(state.at(NOW + seconds), accepted, now_ns=now_ns, previous=before)
+        stamps = {n: v.stamp_ns for n, v in table.values.items() if BY_NAME[n] not in FROM_CONTROL}
+        if before is not None:
+            assert [n for n, stamp_ns in stamps.items() if stamp_ns != before.values[n].stamp_ns] == []
+        before = table
