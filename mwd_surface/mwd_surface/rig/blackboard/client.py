@@ -37,7 +37,7 @@ from mwd_surface.rig.interface import (
     wait_for,
 )
 from mwd_surface.rig.opcua.address_space import MANIFEST, STATUS_CODES, VariableValue
-from mwd_surface.rig.values import RigValues
+from mwd_surface.rig.values import RigValues, silenced
 from mwd_surface.signals.table import TO_RIG, Signal
 from mwd_surface.signals.units import UNITS
 
@@ -276,6 +276,9 @@ class Blackboard(RigInterface):
                 read_at = now + _READ_S
                 await self._take(reader, now)
             await wait_for(stop, max(min(write_at, read_at) - time.monotonic(), 0.05))
+        if self.values is not None:
+            # The blackboard keeps the last values, also if this client never comes back.
+            await self._write(client, variables, silenced(self.values, 0.0, "the surface node has stopped"), sent)
 
     async def _inject(self, client: Any) -> dict[str, Any]:
         """

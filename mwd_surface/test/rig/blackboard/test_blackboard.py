@@ -148,6 +148,8 @@ def test_every_signal_is_written_with_its_number_status_and_time_and_again_only_
         assert sent == len(TO_RIG)
         one.publish(values(later=0.5))
         eventually(lambda: one.status().sent > sent)
+    # The blackboard outlives the client: no number stays there as a good one.
+    assert [s.opcua for s in TO_RIG if board.value(s.opcua).StatusCode.is_good()] == []
 
 
 @pytest.mark.slow
