@@ -37,6 +37,7 @@ from mwd_surface.bags.mcap.contents import Contents
 from mwd_surface.bags.mcap.reader import McapFile
 from mwd_surface.bags.mcap.records import MAGIC, Decompressor, FormatError
 from mwd_surface.bags.mcap.walk import walk_records
+from mwd_surface.bags.mcap.writer import is_being_written
 from mwd_surface.bags.ros1_bag import Ros1Bag
 from mwd_surface.bags.topic_info import CDR, PACKED, REMEDY, ROS1, TopicInfo, cdr_problem, listed, read_as
 
@@ -150,7 +151,8 @@ class BagFiles:
         try:
             about = bag_metadata.read(self.path)
         except MetadataError as error:
-            if there:
+            # A recorder writes metadata.yaml at the end.
+            if there and not is_being_written(self.path):
                 self.notes.append(f"{error}; the files in the folder are read")
             return there, None
         self.custom = dict(about.custom)
@@ -223,7 +225,10 @@ class BagFiles:
                 continue
             contents = file.contents()
             self.mcap.append((file, contents))
-            self.notes += contents.notes
+            if is_being_written(path):
+                self.notes.append(f"{path.name} is being recorded: messages that come from now on are not read")
+            else:
+                self.notes += contents.notes
             self.complete = self.complete and contents.complete
         if problems and not self.mcap:
             raise BagError(f"{self.path} cannot be read: {'; '.join(problems)}", "`mwd recover` may save parts of it")

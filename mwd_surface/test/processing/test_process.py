@@ -24,7 +24,7 @@ from mwd_sensors.core.frames import mat_nt
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.processing import attitude_csv, process
-from mwd_surface.processing.bag_input import InputSettings
+from mwd_surface.processing.bag_input import InputSettings, worth_saying
 from mwd_surface.processing.run_config import estimator_config
 from mwd_surface.processing.run_output import OutputSettings
 from mwd_surface.processing.run_summary import Summary
@@ -300,6 +300,9 @@ def test_a_bag_that_is_being_recorded_is_refused_until_it_has_its_end(tmp_path):
     with pytest.raises(BagError, match="is being recorded"):
         run(tmp_path / "bag", tmp_path / "out")
     assert left(tmp_path) == ["bag"]
+    with Bag(tmp_path / "bag") as bag:
+        (note,) = worth_saying(bag)
+    assert "bag_0.mcap is being recorded" in note
     writer.close()
     assert run(tmp_path / "bag", tmp_path / "out").rows == 2000
 
