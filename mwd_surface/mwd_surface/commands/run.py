@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import datetime
 import importlib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -156,8 +157,9 @@ def run(
     # Import the recorder only now: its libraries would delay the start of the run.
     from mwd_surface.bags.recorder.recorder import recordings_named
 
-    for bag in recordings_named(recorded_in, parameters["surface"]["record.name"]) if recorded else ():
-        _conclude(bag, truth, AngleConvention(parameters["surface"].get("well.convention", "inclination")))
+    if recorded:
+        bags = recordings_named(recorded_in, parameters["surface"]["record.name"])
+        _conclude(bags, truth, AngleConvention(parameters["surface"].get("well.convention", "inclination")))
     terminal.tell(f"surveys and logs: {folder}")
 
 
@@ -267,20 +269,31 @@ def _new_folder(output: Path | None, namespace: str, *, resume: bool) -> Path:
     return folder
 
 
-def _conclude(bag: Path, truth: Path | None, convention: AngleConvention) -> None:
+def _conclude(bags: Sequence[Path], truth: Path | None, convention: AngleConvention) -> None:
+    """Compare the surveys in the recordings of a run with the truth; the recordings follow each other."""
     from mwd_surface.bags.bag_reader import Bag, BagError
     from mwd_surface.surveys.score import score, unlisted
 
-    try:
-        with Bag(bag) as opened:
-            _show_scores(score(opened, truth=truth), convention)
-            for one in unlisted(opened) if truth is not None else ():
-                flow_on = datetime.datetime.fromtimestamp(one.start_ns * 1e-9, tz=datetime.UTC)
-                terminal.warn(f"not in the list: the survey sent after flow-on at {flow_on:%H:%M:%S} UTC: {one.reason}")
-            terminal.warn(*opened.notes)
-            terminal.tell(f"recording: {bag} ({opened.message_count} messages)")
-    except BagError as error:
-        terminal.warn(str(error))
+    with contextlib.ExitStack() as held:
+        opened: dict[Path, Bag] = {}
+        for bag in bags:
+            try:
+                opened[bag] = held.enter_context(Bag(bag))
+            except BagError as error:
+                terminal.warn(str(error))
+        try:
+            if opened:
+                _show_scores(score([*opened.values()], truth=truth), convention)
+        except BagError as error:
+            terminal.warn(str(error))
+        for bag, one in opened.items():
+            for lost in unlisted(one) if truth is not None else ():
+                flow_on = datetime.datetime.fromtimestamp(lost.start_ns * 1e-9, tz=datetime.UTC)
+                terminal.warn(
+                    f"not in the list: the survey sent after flow-on at {flow_on:%H:%M:%S} UTC: {lost.reason}"
+                )
+            terminal.warn(*one.notes)
+            terminal.tell(f"recording: {bag} ({one.message_count} messages)")
 
 
 def _show_scores(scored: list[Scored], convention: AngleConvention) -> None:

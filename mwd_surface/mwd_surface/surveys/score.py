@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -58,47 +59,55 @@ class Scored:
         return None if self.chosen is None else float(wrap_pi(self.chosen - self.azimuth))
 
 
-def score(bag: Bag, truth: Path | None = None) -> list[Scored]:
+def score(bags: Sequence[Bag], truth: Path | None = None) -> list[Scored]:
     """
-    Return each survey of a recording with the truth at its time, in order of time.
+    Return each survey in the recordings of a run with the truth at its time, in order of time.
 
-    truth: file of the truth (parameter `truth_file` of the sonde), for a run whose surface received only a link; the
-    surveys are then those of the link. Surveys without truth within 0.6 s are left out. The result is empty if the
-    recording has no surveys.
+    A run has several recordings if its surface was started again. truth: file of the truth (parameter `truth_file` of
+    the sonde), for a run whose surface received only a link; the surveys are then those of the link. Surveys without
+    truth within 0.6 s are left out. The result is empty if the recordings have no surveys.
 
     Raises
     ------
     BagError
-        The recording has no truth, or it has several wells.
+        No recording has truth, or one has several wells.
     OSError
         The file of the truth cannot be opened or is too large.
     """
-    if not any(topic.type_name == SURVEY_TYPE for topic in bag.topics.values()):
+    surveys: dict[str, Survey] = {}
+    for bag in _with(bags, SURVEY_TYPE):
+        surveys |= _surveys(bag, bag.find_topic(SURVEY_TYPE, "/survey" if truth is None else "/link/survey"))
+    if not surveys:
         return []
-    survey_topic = bag.find_topic(SURVEY_TYPE, "/survey" if truth is None else "/link/survey")
-    surveys = _surveys(bag, survey_topic)
     if truth is not None:
         check_regular(truth, budgets.PRESSURE)
         rows = np.loadtxt(truth, delimiter=",", skiprows=1, usecols=(0, 1, 2, 4), ndmin=2)
     else:
-        rows = _truth(bag, bag.find_topic(wire.TRUTH.type_name, "/truth"))
+        of_truth = _with(bags, wire.TRUTH.type_name)
+        parts = [_truth(bag, bag.find_topic(wire.TRUTH.type_name, "/truth")) for bag in of_truth]
+        rows = np.concatenate(parts) if parts else np.zeros((0, 4))
     if not len(rows):
-        raise BagError(f"{bag.path} has no truth to compare with", "only simulated recordings have")
+        raise BagError(f"{bags[-1].path} has no truth to compare with", "only simulated recordings have")
     scored = []
-    for survey in surveys:
+    for survey in sorted(surveys.values(), key=lambda one: one.stamp_ns):
         row = rows[int(np.argmin(np.abs(rows[:, 0] - survey.stamp_ns)))]
         if abs(row[0] - survey.stamp_ns) <= _NEAREST * 1e9:
             scored.append(_beside(survey, row))
     return scored
 
 
-def _surveys(bag: Bag, topic: str) -> list[Survey]:
-    # A latched topic can be delivered and recorded more than once.
+def _with(bags: Sequence[Bag], type_name: str) -> list[Bag]:
+    """Return the recordings that have a topic of a type; one that began after the end of a simulation has no truth."""
+    return [bag for bag in bags if any(topic.type_name == type_name for topic in bag.topics.values())]
+
+
+def _surveys(bag: Bag, topic: str) -> dict[str, Survey]:
+    """Return the surveys of a topic by uuid; a latched topic can be delivered and recorded more than once."""
     found: dict[str, Survey] = {}
     for _, name, _, data in bag.messages([topic]):
         survey = Survey.from_message(bag.decode(name, data))
         found[survey.uuid] = survey
-    return sorted(found.values(), key=lambda one: one.stamp_ns)
+    return found
 
 
 def _truth(bag: Bag, topic: str) -> NDArray[np.float64]:

@@ -71,7 +71,7 @@ def recording(path, surveys, seconds=60.0, namespace="/well_1/"):
 
 def scored(folder, *surveys):
     with Bag(recording(folder / "bag", surveys)) as bag:
-        return score(bag)
+        return score([bag])
 
 
 def test_a_survey_is_compared_with_the_truth_of_its_moment_from_true_north(tmp_path):
@@ -91,6 +91,15 @@ def test_surveys_come_once_each_in_order_of_time(tmp_path):
     # The last lies outside the truth, and is left out.
     surveys = [survey(1, 20.0, 1.0), survey(1, 20.0, 1.0), survey(1, 10.0, 2.0), survey(2, 90.0, 1.0)]
     assert [one.measured_depth for one in scored(tmp_path, *surveys)] == pytest.approx([110.0, 120.0], abs=0.1)
+
+
+def test_the_recordings_of_a_surface_that_was_restarted_are_scored_together(tmp_path):
+    first, second = survey(1, 20.0, 1.0), survey(2, 40.0, 1.0)
+    # The second recording began after the end of the simulation: it has the surveys again, and no truth.
+    paths = [recording(tmp_path / "a", [first, second]), recording(tmp_path / "b", [first, second], seconds=0.0)]
+    with Bag(paths[0]) as one, Bag(paths[1]) as other:
+        assert [s.sequence for s in score([one, other])] == [1, 2]
+        assert score([other, one]) == score([one])
 
 
 def test_an_azimuth_that_was_withheld_stays_unknown(tmp_path):
@@ -113,10 +122,10 @@ def test_a_recording_without_surveys_has_nothing_to_score(tmp_path):
         channel = bag.topic("/well_1/imu/data_raw", wire.IMU.type_name)
         bag.write_rows(channel, wire.IMU.encode(rows, "x"), rows["stamp_ns"])
     with Bag(tmp_path / "bag") as bag:
-        assert score(bag) == []
+        assert score([bag]) == []
 
 
 def test_a_recording_without_truth_is_refused(tmp_path):
     path = recording(tmp_path / "bag", [survey(1, 5.0, 1.0)], seconds=0.0)
     with Bag(path) as bag, pytest.raises(BagError, match="truth"):
-        score(bag)
+        score([bag])
