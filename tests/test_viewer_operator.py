@@ -209,3 +209,8 @@ def test_a_recording_shows_depths_by_hand_decisions_and_legs_as_the_page_did(tmp
             assert not found, f"{(moment - BEGIN) * 1e-9:.3f} s: " + "\n".join(found[:20])
         player.seek(player.length_s)
         assert player.well.book.surveys.legs == surveys.legs
+        # A recording that began, or was split, after a sidetrack has the sidetrack in its settings.
+        leg = dataclasses.replace(SETTINGS.leg, name="ST1", kick_off_depth=1010.0)
+        player = Player(bag, WELL, dataclasses.replace(SETTINGS, leg=leg))
+        player.seek(player.length_s)
+        assert player.well.book.surveys.legs == surveys.legs

@@ -18,7 +18,7 @@ from typing import Any
 from mwd_sensors.core import wire
 from mwd_sensors.telemetry.log_channels import LogSample
 from mwd_surface.bags.bag_reader import Bag, BagError, Message
-from mwd_surface.live.alarms import AlarmLog
+from mwd_surface.live.alarms import AlarmLog, Severity
 from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.live_well import LiveWell, live_settings
@@ -130,7 +130,7 @@ class Player:
         context = WellContext(clock, LiveState(live_settings(settings)), AlarmLog(lambda: clock.now_ns), outlet)
         planned = PlanMonitor(context)
         planned.plan = self._plan
-        begun = arranged(SurveyList(well=settings.well, rules=settings.rules, plan=self._plan), settings.leg)
+        begun = self._empty_list(context.alarm_log)
         book = SurveyBook(context, planned, begun, settings.depth, self._log_step)
         tables = self._bag.metadata()
         book.health = HealthLedger(recorded_limits(tables.get(TOOL, {})))
@@ -156,6 +156,19 @@ class Player:
         self._messages: Iterator[Message] = self._bag.messages(list(self._names)) if self._names else iter(())
         self._next: Message | None = next(self._messages, None)
         self.at_s = 0.0  #: time played so far, s after the first message
+
+    def _empty_list(self, log: AlarmLog) -> SurveyList:
+        """Return the list before its first message: with tie-on, leg and tool of the settings."""
+        settings = self._settings
+        bare, leg = SurveyList(well=settings.well, rules=settings.rules, plan=self._plan), settings.leg
+        try:
+            return arranged(bare, leg)
+        except ValueError as error:
+            # A sidetrack begins at a station of an earlier recording; a recorded list has its legs.
+            if "surveys" not in self._said:
+                text = f"the leg of the recording is not used: {error}"
+                log.log_event("survey list", text, Severity.WARNING)
+            return arranged(bare, dataclasses.replace(leg, name="", kick_off_depth=None))
 
     def _decode(self, topic: str, data: bytes) -> Any:
         return self._bag.decode(self._full(topic), data)
