@@ -397,6 +397,8 @@ def test_the_recording_carries_versions_and_the_parameters_of_every_node_but_no_
     assert {"mwd", "parameters/surface", "parameters/estimator", "parameters/sonde"} <= set(tables)
     assert tables["parameters/estimator"]["place.lat_deg"] == "38.3"
     assert tables["parameters/surface"]["foxglove.enabled"] == "True"
+    # A change at run time is in the recording, too.
+    assert tables["parameters/surface"]["well.rig"] == "Rig 7"
     assert not any(TOKEN in value for table in tables.values() for value in table.values())
 
 

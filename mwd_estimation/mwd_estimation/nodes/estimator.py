@@ -75,7 +75,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     """Node that subscribes to the topics of the sonde, never to simulated truth, and publishes attitude and surveys."""
 
     # Beginnings of the parameters that may change while the node runs: all except the choice of the gravity method.
-    changeable = ("tool.", "place.", "survey.", "verdict.", "attitude.", "dynamics.", "transmit.")
+    changeable = ("tool.", "place.", "survey.", "verdict.", "attitude.", "dynamics.")
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("estimator", EstimatorSettings(), **node_options)

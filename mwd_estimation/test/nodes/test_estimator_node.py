@@ -91,7 +91,15 @@ def test_no_parameter_takes_what_it_cannot_be_and_each_keeps_its_value(node, tra
 @pytest.mark.fault_case(85)
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("place.date", "2026-02-30"), ("place.date", "x"), ("frame_prefix", "other/"), ("survey.duration_s", 12)],
+    [
+        ("place.date", "2026-02-30"),
+        ("place.date", "x"),
+        ("frame_prefix", "other/"),
+        ("survey.duration_s", 12),
+        # The publishers of the transmission are made when the node is configured.
+        ("transmit.tool_file", "other.yaml"),
+        ("transmit.flow_hold_s", 7.0),
+    ],
 )
 def test_a_day_that_does_not_exist_and_what_is_fixed_at_the_start_are_refused(node, name, value):
     before = node.get_parameter(name).value

@@ -91,6 +91,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             self._well.settings = settings
             self._surveys.change_settings(settings.well, settings.rules, settings.leg, self._plan.plan)
             self._show_well()
+            self._recording.add_tables(self._parameter_tables.own())
 
         # Read the plan in the worker: a disk may be slow, and the node continues to serve page and rig.
         self._shared.worker.submit(lambda: self._plan.read(settings.plan, settings.well), apply)
@@ -262,6 +263,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def activate(self) -> None:
         """Start the recording; publish the survey list."""
         self._well.begin(self._time.now_ns())
+        self._parameter_tables.refresh()
         self._recording.activate()
         self._show_well()
         self._rods.begin()

@@ -6,11 +6,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 
 from mwd_sensors.core import settings
 from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.qos import STATE
 
 _SECRETS = ("token", "password")
 
@@ -29,25 +31,37 @@ class ParameterTables:
         self._node = node
         self._others = others
         self._tables: dict[str, dict[str, str]] = {}
+        self._asked: set[str] = set()
         self._new: list[str] = []
 
     def open(self) -> None:
-        """Create the service clients."""
+        """Create the service clients, and follow changes of the parameters of the other nodes."""
+        node = self._node
+        services = {other: (f"{other}/list_parameters", f"{other}/get_parameters") for other in self._others}
         self._clients = {
-            other: (
-                self._node.add_client(ListParameters, f"{other}/list_parameters"),
-                self._node.add_client(GetParameters, f"{other}/get_parameters"),
-            )
-            for other in self._others
+            other: (node.add_client(ListParameters, names), node.add_client(GetParameters, values))
+            for other, (names, values) in services.items()
         }
+        self._names = {
+            node.resolve_service_name(names).removesuffix("/list_parameters"): other
+            for other, (names, _) in services.items()
+        }
+        node.add_subscription(ParameterEvent, "/parameter_events", self._on_event, STATE)
+
+    def refresh(self) -> None:
+        """Request all parameters again, because events may have been missed while the node was not active."""
+        self._asked.clear()
+
+    def _on_event(self, event: Any) -> None:
+        """Request the parameters of a node again that has changed them, or that was started again."""
+        self._asked.discard(self._names.get(event.node, ""))
 
     def request(self) -> None:
-        """Request the parameters of nodes that exist and have not been asked yet; called once per second."""
+        """Request the parameters of nodes that exist and whose parameters may be new; called once per second."""
         for other, (names, values) in self._clients.items():
-            if other in self._tables or not (names.service_is_ready() and values.service_is_ready()):
+            if other in self._asked or not (names.service_is_ready() and values.service_is_ready()):
                 continue
-            # Store an empty table until the response arrives, so that no node is asked twice.
-            self._tables[other] = {}
+            self._asked.add(other)
             names.call_async(ListParameters.Request()).add_done_callback(
                 lambda done, other=other, values=values: self._listed(other, values, done)
             )
@@ -59,18 +73,20 @@ class ParameterTables:
         )
 
     def _got(self, other: str, names: list[str], done: Any) -> None:
-        table = {n: parameter_value_to_python(v) for n, v in zip(names, done.result().values, strict=True)}
-        self._tables[other] = without_secrets(table)
-        self._new.append(other)
+        found = {n: parameter_value_to_python(v) for n, v in zip(names, done.result().values, strict=True)}
+        table = without_secrets(found)
+        if table != self._tables.get(other):
+            self._tables[other] = table
+            self._new.append(other)
 
-    def own(self) -> dict[str, str]:
-        """Return the parameters of the surface node itself."""
-        return without_secrets({name: value for name, (value, _) in settings.flat(self._node.settings).items()})
+    def own(self) -> dict[str, dict[str, str]]:
+        """Return the parameters of the surface node itself as a table, by the name of the table in a recording."""
+        table = without_secrets({name: value for name, (value, _) in settings.flat(self._node.settings).items()})
+        return {f"parameters/{self._node.get_name()}": table}
 
     def tables(self) -> dict[str, dict[str, str]]:
         """Return the parameters of all nodes as tables, by the name of the table in a recording."""
-        known = {f"parameters/{name}": table for name, table in self._tables.items() if table}
-        return {f"parameters/{self._node.get_name()}": self.own(), **known}
+        return self.own() | {f"parameters/{name}": table for name, table in self._tables.items()}
 
     def value(self, node: str, name: str) -> Any:
         """Return a parameter of another node; None if it is not known yet."""
