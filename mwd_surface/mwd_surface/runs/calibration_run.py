@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import Place
 from mwd_sensors.calibration import tumble
-from mwd_sensors.calibration.triad_calibration import Calibration, as_table, from_table
+from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration, as_table, from_table
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -40,6 +40,9 @@ UNITS = {"ahrs": "imu/data_raw", "precision": "gyro/data_raw"}
 _MAG, _TEMPERATURE = "imu/mag", "imu/temperature"
 # Largest number of samples of a calibration run: a day at 100 Hz. A run takes minutes.
 _MOST_SAMPLES = 8_640_000
+# Largest scale error or misalignment of a sensor: several times the 3 % that data sheets of consumer MEMS sensors
+# allow. An exchanged axis or a wrong unit gives about 1.
+_LARGEST = 0.2
 # Distance from the temperature range of the calibration run up to which the temperature slopes are valid, degC.
 _MARGIN = 10.0
 
@@ -142,13 +145,41 @@ def calibrated(run: CalibrationReadings, gravity: float, field: tuple[float, flo
     Raises
     ------
     ValueError
-        The run is not sufficient for a calibration; the message says why.
+        The run is not sufficient for a calibration, or the errors that it gives are larger than those of any sensor;
+        the message says why.
     """
     imu = run.imu
     mag = run.mag if run.unit == "ahrs" and field is not None else None
-    return tumble.calibrate(
+    found = tumble.calibrate(
         imu["angular_velocity"], imu["linear_acceleration"], mag, run.celsius, run.rate, gravity, field
     )
+    for name, triad, causes in (
+        ("accelerometers", found.accelerometer, "the unit of the accelerometer and the gravity"),
+        ("gyros", found.gyro, "the unit of the gyro, and whether its axes are those of the accelerometer"),
+        (
+            "magnetometers",
+            found.magnetometer,
+            "the unit of the magnetometer, the place or field, its axes and their signs",
+        ),
+    ):
+        if triad is not None:
+            _refuse_implausible(name, triad, causes)
+    return found
+
+
+def _refuse_implausible(name: str, triad: TriadCalibration, causes: str) -> None:
+    """Raise ValueError if scale or misalignment of a triad are larger than those of a sensor, or not determined."""
+    largest = float(np.max(np.abs(triad.matrix - np.eye(3))))
+    if not largest <= _LARGEST:
+        raise ValueError(
+            f"{name}: scale or misalignment of {100.0 * largest:.0f} % is more than a sensor has: check {causes}"
+        )
+    sigma = float(np.max(triad.sigma_matrix))
+    if not sigma <= _LARGEST:
+        raise ValueError(
+            f"{name}: the run does not determine scale and misalignment (1 sigma {100.0 * sigma:.0f} %): let the "
+            "probe rest in more attitudes, and turn it about all axes between them"
+        )
 
 
 def write(path: Path, found: Calibration, about: Mapping[str, Any]) -> None:

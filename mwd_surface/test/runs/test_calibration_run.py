@@ -169,3 +169,38 @@ def test_runs_that_cannot_be_used_are_refused(tmp_path):
         calibration_run.simulated(short, "precision")
     with pytest.raises(ValueError, match="a tumble needs at least 12 attitudes"):
         calibration_run.calibrated(calibration_run.simulated(short, "ahrs"), 9.8, None)
+
+
+SWAPPED = [0, 2, 1]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "name"),
+    [
+        ("accelerometer exchanged", "gyros"),
+        ("accelerometer reversed", "magnetometers"),
+        ("gyro in degrees", "gyros"),
+        ("magnetometer exchanged", "magnetometers"),
+        ("magnetometer in uT", "magnetometers"),
+        ("field of another place", "magnetometers"),
+    ],
+)
+def test_a_calibration_with_larger_errors_than_any_sensor_has_is_refused_with_what_to_check(wrong, name):
+    path, run, _, _ = tumbled()
+    with Bag(path) as bag:
+        gravity, field = calibration_run.field_of(calibration_run.scenario_of(bag))
+    imu, mag = run.imu.copy(), run.mag
+    if wrong == "accelerometer exchanged":
+        imu["linear_acceleration"] = imu["linear_acceleration"][:, SWAPPED]
+    elif wrong == "accelerometer reversed":
+        imu["linear_acceleration"] *= -1.0
+    elif wrong == "gyro in degrees":
+        imu["angular_velocity"] = np.radians(imu["angular_velocity"])
+    elif wrong == "magnetometer exchanged":
+        mag = mag[:, SWAPPED]
+    elif wrong == "magnetometer in uT":
+        mag = mag * 1e-6
+    else:
+        field = (field[0], field[1] - 0.9)
+    with pytest.raises(ValueError, match=f"{name}: .* is more than a sensor has: check the unit"):
+        calibration_run.calibrated(dataclasses.replace(run, imu=imu, mag=mag), gravity, field)
