@@ -17,7 +17,7 @@ from serial_lines import until
 
 from mwd_surface.receiver import pressure_files
 from mwd_surface.receiver.network_sources import LineSource, OpcUaSource, TcpClient, WitsSource
-from mwd_surface.receiver.pressure_table import columns_of
+from mwd_surface.receiver.pressure_columns import columns_of
 from mwd_surface.receiver.sources import Pipe
 from mwd_surface.rig.wits import format as wits
 
