@@ -29,7 +29,7 @@ from mwd_surface.list_files import moments
 from mwd_surface.list_files.exchange_formats import is_las, las_table
 from mwd_surface.list_files.grid_file import Row, is_spreadsheet
 from mwd_surface.list_files.number_cells import NULL_NUMBERS, looks_like_number, split
-from mwd_surface.list_files.table import Table, table_of
+from mwd_surface.list_files.table import Table, encoding_of, table_of
 from mwd_surface.receiver import json_columns, table_times
 from mwd_surface.receiver.gauge_scale import PRESSURES, UNITS, in_pascal
 from mwd_surface.receiver.pressure_columns import (
@@ -151,7 +151,7 @@ class _TableFile:
             start = file.read(_HEAD)
         self.path, self._said, self.skipped, self.tag = path, columns, 0, ""
         self._whole = is_spreadsheet(start)
-        self._encoding = "utf-8" if self._whole else _encoding(start)
+        self._encoding = "utf-8" if self._whole else encoding_of(start, cut=size > len(start))
         self._las = False
         self._json: dict[str, list[str]] = {}
         self._kept: Any = None  # Arrow array of booleans that selects the rows of the tag; None: all rows
@@ -551,20 +551,6 @@ def _line(table: Table) -> int:
     """Return the number of lines of the file above the first row of its table; 0 if unknown."""
     found = re.search(r"line (\d+)$", table.rows[0].at if table.rows else table.at)
     return int(found[1]) - 1 if found else 0
-
-
-def _encoding(start: bytes) -> str:
-    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return "utf-16"
-    for encoding, zeros in (("utf-16-le", start[1:200:2]), ("utf-16-be", start[0:200:2])):
-        if len(zeros) > 4 and zeros.count(0) > 0.8 * len(zeros):
-            return encoding
-    try:
-        start[:-4].decode("utf-8")
-    except UnicodeDecodeError:
-        chinese = start.decode("gb18030", errors="ignore")
-        return "gb18030" if re.search("时间|压|泵", chinese) else "latin-1"
-    return "utf-8-sig" if start.startswith(b"\xef\xbb\xbf") else "utf-8"
 
 
 def _text_table(text: str, path: str) -> Table:
