@@ -29,14 +29,12 @@ from mwd_surface.bags.definitions import is_ours
 from mwd_surface.bags.mcap.contents import MessageSpan, parse, parse_attachment
 from mwd_surface.bags.mcap.records import Decompressor, FormatError
 from mwd_surface.bags.mcap.walk import walk_records
-from mwd_surface.bags.message_parts import NEVER, Block, Decoded, MessagePart, blocks_of, part_of
+from mwd_surface.bags.message_parts import NEVER, Block, MessagePart, blocks_of, part_of
 from mwd_surface.bags.sample_decoder import Fields, SampleDecoder
 from mwd_surface.bags.topic_info import REMEDY, listed, quantity_of, ros2_types
 
 # Parts of the files in time order. A thread decompresses and decodes chunks of MCAP files ahead of their use; other
 # storage is read through `rosbags`.
-
-M = TypeVar("M", MessagePart, Decoded)
 
 _AHEAD = 4  # number of spans loaded ahead of their use
 _AHEAD_BYTES = 64 * 1024 * 1024  # largest decompressed size of these spans
@@ -55,11 +53,9 @@ class PartStream:
     def __init__(self, opened: BagFiles, topics: Mapping[str, TopicInfo], on_damage: Callable[[str], None]) -> None:
         self._opened, self._topics, self._on_damage = opened, topics, on_damage
 
-    def groups(
-        self, topics: list[str], start_ns: int | None, end_ns: int | None, made: Callable[[MessagePart], M]
-    ) -> Iterator[list[M]]:
+    def groups(self, topics: list[str], start_ns: int | None, end_ns: int | None) -> Iterator[list[MessagePart]]:
         """
-        Yield, in groups, the result of `made` for each part with messages of the given topics and log times.
+        Yield, in groups, the parts with messages of the given topics and log times.
 
         start_ns, end_ns : log time from (inclusive) and to (exclusive). No message of a group was logged later than
         any message of the next group.
@@ -67,7 +63,7 @@ class PartStream:
         start, end = start_ns or 0, NEVER if end_ns is None else end_ns
         if self._opened.other is not None:
             for part in self._other_parts(topics, start, end):
-                yield [made(part)]
+                yield [part]
             return
         chosen: list[tuple[int, MessageSpan]] = []
         for number, (_, contents) in enumerate(self._opened.mcap):
@@ -77,8 +73,8 @@ class PartStream:
                 if inside and (span.channels is None or not channels.isdisjoint(span.channels)):
                     chosen.append((number, span))
         chosen.sort(key=lambda item: (item[1].start_ns, item[0], item[1].offset))
-        pending: list[M] = []
-        for k, one in enumerate(self._ahead(chosen, topics, start, end, made)):
+        pending: list[MessagePart] = []
+        for k, one in enumerate(self._ahead(chosen, topics, start, end)):
             if one is not None:
                 pending.append(one)
             mark = chosen[k + 1][1].start_ns if k + 1 < len(chosen) else NEVER
@@ -99,10 +95,9 @@ class PartStream:
         topics: list[str],
         start: int,
         end: int,
-        made: Callable[[MessagePart], M],
-    ) -> Iterator[M | None]:
-        """Yield the result of `made` for each chosen span, None if it is damaged; a thread loads a few spans ahead."""
-        waiting: deque[tuple[concurrent.futures.Future[M], int]] = deque()
+    ) -> Iterator[MessagePart | None]:
+        """Yield the part of each chosen span, None if it is damaged; a thread loads a few spans ahead."""
+        waiting: deque[tuple[concurrent.futures.Future[MessagePart], int]] = deque()
         wanted = []
         for names in self._opened.names:
             mask = np.zeros(65536, dtype=np.bool_)
@@ -112,16 +107,13 @@ class PartStream:
         pool = concurrent.futures.ThreadPoolExecutor(1, thread_name_prefix="bag")
         decompress = Decompressor()
 
-        def load(number: int, span: MessageSpan) -> M:
-            # Call `made` in the loading thread, while the bytes are still in the cache.
-            return made(self._load(decompress, number, span, wanted[number], start, end))
-
         try:
             position, held = 0, 0
             while position < len(chosen) or waiting:
                 while position < len(chosen) and len(waiting) < _AHEAD and (not waiting or held < _AHEAD_BYTES):
                     number, span = chosen[position]
-                    waiting.append((pool.submit(load, number, span), span.size))
+                    loaded = pool.submit(self._load, decompress, number, span, wanted[number], start, end)
+                    waiting.append((loaded, span.size))
                     held += span.size
                     position += 1
                 future, size = waiting.popleft()
@@ -342,18 +334,11 @@ class Bag:
         BagError
             A topic does not exist in the bag.
         """
-        wanted = self._checked(topics)
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
         count = 0
-
-        def decoded(part: MessagePart) -> Decoded:
-            return Decoded(part.rank, list(self._decoder.samples(part, self._part_names(part), fields or {})))
-
-        for group in self._stream.groups(wanted, start_ns, end_ns, decoded):
-            for one in group:
-                for name, log_ns, samples in one.samples:
-                    pieces.setdefault(name, []).append((log_ns, samples))
-                count += len(one)
+        for group in self._stream.groups(self._checked(topics), start_ns, end_ns):
+            for part in group:
+                count += self._add_samples(pieces, part, fields)
             if count >= block_messages:
                 yield from filter(None, blocks_of(pieces, block_messages))
                 pieces, count = {}, 0
@@ -380,10 +365,9 @@ class Bag:
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
         originals: list[MessagePart] = []
         count = 0
-        for group in self._stream.groups(list(self.carried), start_ns, end_ns, lambda part: part):
+        for group in self._stream.groups(list(self.carried), start_ns, end_ns):
             for part in group:
-                for name, log_ns, samples in self._decoder.samples(part, self._part_names(part), fields or {}, wanted):
-                    pieces.setdefault(name, []).append((log_ns, samples))
+                self._add_samples(pieces, part, fields, wanted)
                 originals.append(self._originals(part))
                 count += len(part.log_ns)
             if count >= block_messages:
@@ -401,7 +385,7 @@ class Bag:
         Messages with the same log time come in the order of the file. Arguments and errors as in `blocks`.
         """
         wanted = self._checked(topics)
-        for group in self._stream.groups(wanted, start_ns, end_ns, lambda part: part):
+        for group in self._stream.groups(wanted, start_ns, end_ns):
             yield from self._in_order(group)
 
     def use_frame(self, topic: str, frame: str) -> None:
@@ -460,6 +444,20 @@ class Bag:
             if name not in self.topics:
                 raise BagError(f"{self.path} has no topic {name}", f"it has {first_of(list(self.topics))}")
         return list(topics)
+
+    def _add_samples(
+        self,
+        pieces: dict[str, list[tuple[Stamps, Any]]],
+        part: MessagePart,
+        fields: Fields | None,
+        wanted: set[str] | None = None,
+    ) -> int:
+        """Add the samples of a part, of all or of the wanted topics, to the pieces; return their number."""
+        count = 0
+        for name, log_ns, samples in self._decoder.samples(part, self._part_names(part), fields or {}, wanted):
+            pieces.setdefault(name, []).append((log_ns, samples))
+            count += len(log_ns)
+        return count
 
     def _in_order(self, group: list[MessagePart]) -> Iterator[Message]:
         which = np.concatenate([np.full(len(part.log_ns), k) for k, part in enumerate(group)])
