@@ -21,6 +21,7 @@ from mwd_surface.surveys.azimuth_source import azimuth_source
 
 GOOD, DOUBTFUL, REJECT = "good", "doubtful", "reject"
 NO_REFERENCE, NOT_MEASURED = "no reference", "not measured"
+_REJECT_FACTOR = 1.5  # multiple of the limit up to which a station shows as doubtful, beyond it as rejected
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,12 +46,6 @@ class QualityLimits:
         "Largest difference of the magnetic dip from the reference that counts as good. Raising it accepts worse "
         "stations.",
         low=0.0,
-    )
-    reject_factor: float = setting(
-        1.5,
-        "A station beyond gravity, field_nt or dip_deg shows as doubtful, and beyond this multiple of that limit as "
-        "rejected. Raising it shows more stations as doubtful instead of rejected.",
-        low=1.0,
     )
 
 
@@ -91,7 +86,7 @@ def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, 
             # Use the deviation that the verdict used. For example, gravity is compared with standard gravity if the
             # tool was calibrated with that value.
             away = off
-        light = NOT_MEASURED if value is None else _light(away, limit, usual.reject_factor)
+        light = NOT_MEASURED if value is None else _light(away, limit)
         of_string = corrected and name != "total gravity"
         found.append(Total(name, unit, read, value, wanted, away, limit, light, of_string))
     return found[0], found[1], found[2]
@@ -108,10 +103,10 @@ def _earth_field(s: Survey) -> tuple[float, float, bool]:
     return float(np.linalg.norm(b_t)), float(magnetic_geometry.dip(np.array(s.specific_force), b_t)), True
 
 
-def _light(deviation: float | None, limit: float, reject_factor: float) -> str:
+def _light(deviation: float | None, limit: float) -> str:
     if deviation is None or not math.isfinite(deviation):
         return NO_REFERENCE
     size = abs(deviation)
     if size <= limit:
         return GOOD
-    return DOUBTFUL if size <= reject_factor * limit else REJECT
+    return DOUBTFUL if size <= _REJECT_FACTOR * limit else REJECT

@@ -22,7 +22,6 @@ def test_every_stream_has_its_period_and_every_period_its_stream():
     ("given", "message"),
     [
         ({"rig_period": 0.0}, "rig_period: 0 s is below the lowest allowed"),
-        ({"withheld_sigma_deg": 200.0}, "above the highest allowed, 180 deg"),
         ({"history_seconds": 1e6}, "above the highest allowed, 7200 s"),
         ({"max_rows": 1.0}, "expected a whole number"),
         ({"rig_perod": 1.0}, "did you mean rig_period"),
