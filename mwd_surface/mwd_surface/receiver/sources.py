@@ -122,11 +122,11 @@ class ModbusGauge:
         period = 1.0 / self._settings.rate_hz
         due = self._clock()
         while not self._stop.is_set():
-            self._take()
+            self._read_register()
             due = max(due + period, self._clock() - period)
             self._stop.wait(_RETRY_S if self.failure else max(due - self._clock(), 0.0))
 
-    def _take(self) -> None:
+    def _read_register(self) -> None:
         from pymodbus.exceptions import ModbusException
 
         where, settings = f"{self._settings.host}:{self._settings.port}", self._settings

@@ -61,7 +61,7 @@ def events(path: Path) -> list[str]:
 
 
 def reported(recorder: Recorder, words: str) -> bool:
-    return any(words in event.text for event in recorder.take_events())
+    return any(words in event.text for event in recorder.drain_events())
 
 
 def put(recorder: Recorder, first: int, count: int, size: int = 300) -> int:
@@ -377,7 +377,7 @@ def test_tables_attachments_and_events_are_inside_every_file_of_the_recording(tm
             assert names.count("versions") == names.count("rosbag2") == 1
             assert reader.get_summary().statistics.metadata_count == len(names)
             assert reader.get_summary().statistics.attachment_count == number
-    assert recorder.take_events()[0].level == EventLevel.INFO
+    assert recorder.drain_events()[0].level == EventLevel.INFO
     assert events(path)[0] == f"recording to {path}"
 
 
@@ -390,9 +390,9 @@ def test_a_recording_without_any_message_still_tells_when_it_ran(tmp_path):
 def test_every_event_is_taken_once(tmp_path):
     with Recorder(tmp_path, QUICK) as recorder:
         recorder.start("run")
-        assert [event.text for event in recorder.take_events()] == [f"recording to {tmp_path / 'run'}"]
-        assert recorder.take_events() == []
+        assert [event.text for event in recorder.drain_events()] == [f"recording to {tmp_path / 'run'}"]
+        assert recorder.drain_events() == []
         for k in range(250):
             recorder.put(f"/odd{k}", STRING, b"x", -1)
         until(lambda: recorder.status().dropped == 250)
-        assert sum("before 1970" in event.text for event in recorder.take_events()) == 250
+        assert sum("before 1970" in event.text for event in recorder.drain_events()) == 250

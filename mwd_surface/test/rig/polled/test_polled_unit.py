@@ -45,7 +45,7 @@ def polled(line, frame, rounds=1, within=10.0):
         if asked := host.due(time.monotonic()):
             os.write(line, asked)
         if select.select([line], [], [], 0.01)[0]:
-            for one in host.take(os.read(line, 4096), time.monotonic()):
+            for one in host.feed(os.read(line, 4096), time.monotonic()):
                 got |= one.values
     return got, host
 
