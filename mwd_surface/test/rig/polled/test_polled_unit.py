@@ -8,8 +8,9 @@ import select
 import time
 
 import pytest
-from example_rig import eventually, extended, pseudo_terminal, started, values
+from example_rig import extended, pseudo_terminal, started, values
 from pymodbus.client import ModbusSerialClient
+from waiting import eventually
 
 from mwd_sensors.drivers import polled_line
 from mwd_sensors.drivers.polled_line import Master
