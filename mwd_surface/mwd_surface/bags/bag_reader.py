@@ -66,9 +66,9 @@ class PartStream:
                 yield [part]
             return
         chosen: list[tuple[int, MessageSpan]] = []
-        for number, (_, contents) in enumerate(self._opened.mcap):
-            channels = {key for key, name in self._opened.names[number].items() if name in topics}
-            for span in contents.spans:
+        for number, file in enumerate(self._opened.mcap):
+            channels = {key for key, name in file.names.items() if name in topics}
+            for span in file.contents.spans:
                 inside = span.end_ns >= start and span.start_ns < end
                 if inside and (span.channels is None or not channels.isdisjoint(span.channels)):
                     chosen.append((number, span))
@@ -99,9 +99,9 @@ class PartStream:
         """Yield the part of each chosen span, None if it is damaged; a thread loads a few spans ahead."""
         waiting: deque[tuple[concurrent.futures.Future[MessagePart], int]] = deque()
         wanted = []
-        for names in self._opened.names:
+        for file in self._opened.mcap:
             mask = np.zeros(65536, dtype=np.bool_)
-            mask[[number for number, name in names.items() if name in topics]] = True
+            mask[[number for number, name in file.names.items() if name in topics]] = True
             wanted.append(mask)
         # Use one thread: a second one loses more to competition for memory bandwidth than it gains.
         pool = concurrent.futures.ThreadPoolExecutor(1, thread_name_prefix="bag")
@@ -135,7 +135,7 @@ class PartStream:
         start: int,
         end: int,
     ) -> MessagePart:
-        data = np.frombuffer(self._opened.mcap[number][0].plain(span, decompress), dtype=np.uint8)
+        data = np.frombuffer(self._opened.mcap[number].file.plain(span, decompress), dtype=np.uint8)
         walk = walk_records(data)
         if walk.end != len(data):
             raise FormatError(f"a chunk's records end at byte {walk.end} of {len(data)}")
@@ -149,7 +149,7 @@ class PartStream:
             part = part.at(chosen)
         if len(part.log_ns) and (part.log_ns[1:] < part.log_ns[:-1]).any():
             part = part.at(np.argsort(part.log_ns, kind="stable"))
-        return self._from_ros1(part, number) if self._opened.ros1[number] else part
+        return self._from_ros1(part, number) if self._opened.mcap[number].ros1 else part
 
     def _from_ros1(self, part: MessagePart, number: int) -> MessagePart:
         """
@@ -157,7 +157,7 @@ class PartStream:
 
         Messages that cannot be converted are reported and left out.
         """
-        types = self._opened.ros1[number]
+        types = self._opened.mcap[number].ros1
         rows: list[tuple[int, int, bytes]] = []
         failed: dict[str, tuple[int, Exception]] = {}
         for log_ns, at, size, channel in zip(
@@ -168,7 +168,7 @@ class PartStream:
                 try:
                     data = bytes(ros2_types().ros1_to_cdr(data, types[channel]))
                 except Exception as error:  # noqa: BLE001  (a decoder may raise any error on damaged bytes)
-                    name = self._opened.names[number][channel]
+                    name = self._opened.mcap[number].names[channel]
                     failed[name] = failed.get(name, (0, error))[0] + 1, error
                     continue
             rows.append((log_ns, channel, data))
@@ -210,7 +210,7 @@ E = TypeVar("E", Attachment, Metadata)
 Message = tuple[int, str, str, bytes]
 
 
-class Bag:
+class Bag(BagFiles):
     """
     A recording opened for reading: a rosbag2 directory, a bare ``.mcap`` or ``.db3`` file, or a ``.bag`` of ROS 1.
 
@@ -221,14 +221,7 @@ class Bag:
     """
 
     def __init__(self, path: Path | str) -> None:
-        self._opened = opened = BagFiles(Path(path))
-        self.path = opened.path
-        self.topics = opened.topics  #: topics whose messages can be read
-        #: Topics whose messages cannot be read; `TopicInfo.problem` is the reason.
-        self.unreadable = opened.unreadable
-        #: One sentence for each thing that was unusual or damaged; the list grows while reading.
-        self.notes = opened.notes
-        self.custom = opened.custom  #: the table ``custom_data`` of metadata.yaml
+        super().__init__(Path(path))
         for about in list(self.topics.values()):
             if about.type_name.startswith("mwd_msgs/") and not is_ours(about.type_name, about.type_hash, about.schema):
                 problem = "it was recorded with another definition of this type"
@@ -236,17 +229,9 @@ class Bag:
         for name, about in self.topics.items():
             if about.type_name == wire.VECTOR.type_name:
                 self.topics[name] = dataclasses.replace(about, quantity=quantity_of(name))
-        #: Log times of the first and the last message; both are 0 in an empty recording.
-        self.start_ns, self.end_ns = opened.start_ns, opened.end_ns
-        #: The files that are read, as found on the disk, and their total size.
-        self.files, self.size_bytes = opened.files, opened.size_bytes
-        self.storage = opened.storage  #: ``mcap``, ``sqlite3`` or ``ros1``
-        self.complete = opened.complete  #: false if the recording is known to be cut off or damaged
-        #: Number of bytes of a ROS 1 recording after the place where reading ended.
-        self.lost_bytes = opened.lost_bytes
         self._noted: set[str] = set()
-        self._decoder = SampleDecoder(self.topics, opened.message_compression, self._note_once)
-        self._stream = PartStream(opened, self.carried, self._note_damage)
+        self._decoder = SampleDecoder(self.topics, self.message_compression, self._note_once)
+        self._stream = PartStream(self, self.carried, self._note_damage)
 
     @property
     def message_count(self) -> int:
@@ -425,10 +410,6 @@ class Bag:
         tables = self._extra("metadata", Opcode.METADATA, functools.partial(parse, Metadata))
         return {table.name: table.metadata for table in tables}
 
-    def close(self) -> None:
-        """Close the files."""
-        self._opened.close()
-
     def __enter__(self) -> Bag:
         return self
 
@@ -473,7 +454,7 @@ class Bag:
             at = offset[row]
             name = names[k][channel[row]]
             data = bytes(views[k][at : at + size[row]])
-            if self._opened.message_compression:
+            if self.message_compression:
                 unpacked = self._decoder.unzipped(data)
                 if unpacked is None:
                     continue
@@ -481,10 +462,10 @@ class Bag:
             yield log_ns[row], name, self.carried[name].type_name, data
 
     def _part_names(self, part: MessagePart) -> Mapping[int, str]:
-        return self._opened.names[part.file] if self._opened.other is None else dict(enumerate(self.carried))
+        return self.mcap[part.file].names if self.other is None else dict(enumerate(self.carried))
 
     def _originals(self, part: MessagePart) -> MessagePart:
-        if self._opened.message_compression:
+        if self.message_compression:
             rows = []
             for log_ns, at, size, channel in zip(part.log_ns, part.offset, part.size, part.channel, strict=True):
                 data = self._decoder.unzipped(part.data[at : at + size].tobytes())
@@ -499,10 +480,10 @@ class Bag:
         return dataclasses.replace(part, channel=table[part.channel])
 
     def _extra(self, kind: str, opcode: int, parser: Callable[[bytes], E]) -> Iterator[E]:
-        for file, contents in self._opened.mcap:
-            for offset, _ in getattr(contents, kind):
+        for opened in self.mcap:
+            for offset, _ in getattr(opened.contents, kind):
                 try:
-                    yield parser(file.body(offset, opcode))
+                    yield parser(opened.file.body(offset, opcode))
                 except FormatError as error:
                     self._note_once(f"one of the {kind} is damaged and left out: {error}")
 
