@@ -10,7 +10,6 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.list_settings import ListSettings
 from mwd_surface.live.source_selection import SourceRules
 from mwd_surface.surveys.recorded_settings import SurfacePart
-from mwd_surface.surveys.station_quality import QualityLimits
 from mwd_surface.trajectory.advice import AdvisorySettings
 from mwd_surface.trajectory.slide_sheet import SlideRules
 
@@ -72,7 +71,6 @@ class LiveSettings:
         low=10,
         high=10000,
     )
-    limits: QualityLimits = setting(QualityLimits)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,6 +121,4 @@ class WellSettings(SurfacePart):
     advisory: AdvisorySettings = setting(AdvisorySettings, "The advice on steering.")
     rig_sources: SourceRules = setting(SourceRules, "Arbitration of several sources of rig data.")
     slides: SlideRules = setting(SlideRules, "The slide sheet.")
-    live: LiveSettings = setting(
-        LiveSettings, "Expected message intervals, chart ranges and quality limits of the page."
-    )
+    live: LiveSettings = setting(LiveSettings, "Expected message intervals, and chart ranges of the page.")

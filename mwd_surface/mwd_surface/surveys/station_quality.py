@@ -15,38 +15,14 @@ import math
 import numpy as np
 
 from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.survey.quality_settings import LIMITS, REJECT_FACTOR
 from mwd_estimation.survey.survey import STATIC, Survey, Verdict
-from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.azimuth_source import azimuth_source
 
 GOOD, DOUBTFUL, REJECT = "good", "doubtful", "reject"
 NO_REFERENCE, NOT_MEASURED = "no reference", "not measured"
-_REJECT_FACTOR = 1.5  # multiple of the limit up to which a station shows as doubtful, beyond it as rejected
-
-
-@dataclasses.dataclass(frozen=True)
-class QualityLimits:
-    """Tolerances of the totals for the quality lights, used if a survey has no limits of its own."""
-
-    gravity: float = setting(
-        0.0245,
-        "Largest difference of total gravity from the reference that counts as good. Raising it accepts worse "
-        "stations.",
-        unit="m/s^2",
-        low=0.0,
-    )
-    field_nt: float = setting(
-        300.0,
-        "Largest difference of the total magnetic field from the reference that counts as good. Raising it accepts "
-        "worse stations.",
-        low=0.0,
-    )
-    dip_deg: float = setting(
-        0.45,
-        "Largest difference of the magnetic dip from the reference that counts as good. Raising it accepts worse "
-        "stations.",
-        low=0.0,
-    )
+# Limits of gravity, m/s^2, field, T, and dip, rad, of a survey that has no limits of its own.
+_USUAL = LIMITS["service"].tolist()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,9 +40,9 @@ class Total:
     corrected: bool  #: whether `value` excludes the string's field
 
 
-def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, Total, Total]:
-    """Return total gravity, total field and dip of a survey; `limits` apply if the survey has no limits of its own."""
-    s, usual = survey, limits or QualityLimits()
+def totals(survey: Survey) -> tuple[Total, Total, Total]:
+    """Return total gravity, total field and dip of a survey."""
+    s = survey
     magnetic = math.isfinite(s.b_total)
     reference = magnetic and s.has_reference
     gravity = s.g_total if s.has_readings else None
@@ -77,9 +53,8 @@ def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, 
         ("dip", "rad", *((s.dip, dip) if magnetic else (None, None)), s.dip_reference if reference else None),
     )
     own = zip((s.g_deviation, s.b_deviation, s.dip_deviation), (s.g_limit, s.b_limit, s.dip_limit), strict=True)
-    set_ = (usual.gravity, usual.field_nt * 1e-9, math.radians(usual.dip_deg))
     found = []
-    for (name, unit, read, value, wanted), (off, mine), default in zip(rows, own, set_, strict=True):
+    for (name, unit, read, value, wanted), (off, mine), default in zip(rows, own, _USUAL, strict=True):
         limit = mine if math.isfinite(mine) else default
         away = None if value is None or wanted is None else value - wanted
         if away is not None and math.isfinite(off):
@@ -109,4 +84,4 @@ def _light(deviation: float | None, limit: float) -> str:
     size = abs(deviation)
     if size <= limit:
         return GOOD
-    return DOUBTFUL if size <= _REJECT_FACTOR * limit else REJECT
+    return DOUBTFUL if size <= REJECT_FACTOR * limit else REJECT
