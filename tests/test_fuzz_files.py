@@ -152,7 +152,7 @@ def packets(draw):
 @given(data=st.one_of(packets(), attacks(b"\xfa\xff\x36\xff\x10\x00\x10\x20")))
 def test_the_packets_of_a_unit(data):
     reader = mtdata2.MtReader(5e-5)
-    for one in reader.take(data) + reader.take(data):
+    for one in reader.feed(data) + reader.feed(data):
         assert one.topic.startswith("imu/")
 
 
@@ -164,8 +164,8 @@ def test_the_line_of_a_probe(text):
     @given(data=attacks(*lines))
     def attack(data):
         reader = probe_protocol.ProbeReader(text)
-        reader.take(data)
-        for kind, content in probe_protocol.Splitter(text).take(data):
+        reader.feed(data)
+        for kind, content in probe_protocol.Splitter(text).feed(data):
             probe_protocol.requested(kind, content)
 
     attack()

@@ -7,7 +7,6 @@ import os
 import pty
 import select
 import threading
-import time
 import tty
 
 from example_live import recorder
@@ -141,18 +140,6 @@ def values(whole=None, sample=None, rig=None, later=0.0, **changes):
     whole = surveys() if whole is None else whole
     state = live(whole, sample, rig).at(NOW + later)
     return rig_values(state, accepted_surveys(whole), now_ns=NOW_NS + round(later * S), **changes)
-
-
-def eventually(condition, timeout=60.0):
-    """Wait until something that another thread or process does is true; its value."""
-    end = time.monotonic() + timeout
-    while time.monotonic() < end:
-        result = condition()
-        if result:
-            return result
-        # A yield to the other side, not a time to wait for.
-        time.sleep(0.005)
-    raise AssertionError("it did not happen in time")
 
 
 @contextlib.contextmanager

@@ -400,8 +400,8 @@ def speed() -> list[str]:
     return out + [f"| {name} | {' | '.join(row)} |" for name, row in cells.items()]
 
 
-def main(seeds: int = 3) -> list[str]:
-    """Print all tables; returns their Markdown rows. Honesty takes four times the seeds."""
+def main(seeds: int = 3) -> None:
+    """Print all tables. Honesty takes four times the seeds."""
     rows = methods()
     default = gravity.method(gravity.DEFAULT)
     bench: dict[str, tuple[Path, Changes]] = {case: (SCENARIOS / "bench" / f"{case}.yaml", {}) for case in CASES}
@@ -412,7 +412,6 @@ def main(seeds: int = 3) -> list[str]:
     def follow(params: Any, t: NDArray[np.int64], w: Array, f: Array) -> Any:
         return default.run(params, default.initial(params), t, w, f)
 
-    out: list[str] = []
     for table in (
         lambda: accuracy("inclination / direction, deg", rows, seeds),
         lambda: accuracy("calibration errors taken out", own, seeds, calibrated=True),
@@ -425,10 +424,7 @@ def main(seeds: int = 3) -> list[str]:
         honest_on_broad,
         speed,
     ):
-        part = table()
-        print("\n".join(part), end="\n\n", flush=True)
-        out += [*part, ""]
-    return out
+        print("\n".join(table()), end="\n\n", flush=True)
 
 
 if __name__ == "__main__":

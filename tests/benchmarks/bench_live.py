@@ -2,7 +2,7 @@
 """
 What the live chain costs: sonde, estimator and surface with recorder, against the same chain as plain rclpy.
 
-    python tests/benchmarks/bench_live.py [--seconds 20] [--json FILE]
+    python tests/benchmarks/bench_live.py [--seconds 20]
 
 Both carry two inertial units at 1 kHz, the magnetometer and the truth, run the same estimator and record everything.
 The plain chain is what a first version would be: typed messages, the stock executor, a callback for each message, the
@@ -313,31 +313,24 @@ def load() -> str:
     return f"load of the machine {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
 
 
-def main(seconds: float = 20.0) -> dict[str, Any]:
-    """Measure and print; figures come back."""
+def main(seconds: float) -> None:
+    """Measure and print."""
     found = {}
     for name, measure in (("ours", ours), ("plain", plain), ("single", one_process)):
         with tempfile.TemporaryDirectory() as one:
             found[name] = measure(Path(one), seconds)
     print("\n".join(chains(**{f"{name}_": one for name, one in found.items()})), end="\n\n", flush=True)
     with tempfile.TemporaryDirectory() as one:
-        found["bursts"] = in_bursts(Path(one), seconds)
-    print("\n".join(bursts(found["bursts"])), end="\n\n", flush=True)
+        print("\n".join(bursts(in_bursts(Path(one), seconds))), end="\n\n", flush=True)
     print(f"| `mwd replay` of two units at {REPLAY_HZ} Hz | error of pace | 99 % no later than | missing |")
     print("|---|---|---|---|")
-    replays = {}
     with tempfile.TemporaryDirectory() as one:
         for rate in PACES:
-            replays[rate] = error, late_ms, gone = replayed(Path(one), rate, seconds)
+            error, late_ms, gone = replayed(Path(one), rate, seconds)
             print(f"| {rate:g} x | {error:+.4f} % | {late_ms:.1f} ms | {gone} |", flush=True)
-    return {name: dataclasses.asdict(one) for name, one in found.items()} | {"replay": replays}
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=20.0)
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    figures = main(options.seconds)
-    if options.json:
-        options.json.write_text(json.dumps(figures))
+    main(parser.parse_args().seconds)

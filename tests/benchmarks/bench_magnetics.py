@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
 
 import numpy as np
+from printed import head, show
 from test_multi_station_analysis import QUIET, drawn_run
 
 from mwd_estimation.core.error_model import SensorErrors
@@ -73,29 +73,13 @@ def multi(kind: str, small: bool, runs: int) -> str:
     return f"| {name} | {'small' if small else 'tool code'} | " + " | ".join(words) + " |"
 
 
-def rows(runs: int = 200, progress: Callable[[str], None] | None = None) -> list[str]:
-    """All Markdown rows of the tables, titles and heads first."""
-    table: list[str] = []
-
-    def add(*more: str) -> None:
-        table.extend(more)
-        if progress:
-            for row in more:
-                progress(row)
-
-    def head(title: str, names: str) -> None:
-        add("", f"### {title}", "", names, "|" + "---|" * (names.count("|") - 1))
-
+def main() -> None:
+    """Print the tables; the first argument is the number of runs."""
+    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     head("Multi-station analysis, azimuth error rms in deg", MSA_HEAD)
     for small in (True, False):
         for kind in ("build", "east-west"):
-            add(multi(kind, small, max(runs // 4, 2)))
-    return table
-
-
-def main() -> None:
-    """Print the tables; the first argument is the number of runs."""
-    rows(int(sys.argv[1]) if len(sys.argv) > 1 else 200, lambda row: print(row, flush=True))
+            show(multi(kind, small, max(runs // 4, 2)))
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import math
 import north_cells
 import propagated_runs
 import s1_runs
+from printed import head, show
 from scipy.stats import chi2
 
 NOISES, LATITUDES = (0.003, 0.01, 0.05, 0.15), (0.0, 34.0, 44.0, 60.0)
@@ -32,16 +33,6 @@ def main() -> None:
     head("S1, from raw samples to the fused azimuth", s1_runs.HEAD)
     show(*(s1_runs.case_row(case, max(options.runs // 20, 1)) for case in s1_runs.CASES))
     drilling(max(options.runs // 5, 2))
-
-
-def show(*lines: str) -> None:
-    """Print lines at once, so that a long run shows how far it is."""
-    print("\n".join(lines), flush=True)
-
-
-def head(title: str, columns: str) -> None:
-    """Begin a section with one table."""
-    show("", f"### {title}", "", columns, "|" + "---|" * (columns.count("|") - 1))
 
 
 def limits(runs: int) -> None:

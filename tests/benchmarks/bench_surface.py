@@ -13,7 +13,7 @@ import tempfile
 import threading
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -182,7 +182,7 @@ def fast(folder: Path, seconds: float) -> list[str]:
     return [*head, f"| {seconds:.0f} s | {done.stdout.strip()} | {written} | {cpu:.1f} |"]
 
 
-def replayed(folder: Path, seconds: float, rate: float, given: Callable[[str], None]) -> list[str]:
+def replayed(folder: Path, seconds: float, rate: float) -> list[str]:
     """Memory while a long recording is played fast into estimator and surface."""
     mwd = [sys.executable, "-P", "-m", "mwd_surface.cli"]
     scenario, bag = written_scenario(folder, seconds), folder / "long"
@@ -199,7 +199,6 @@ def replayed(folder: Path, seconds: float, rate: float, given: Callable[[str], N
             began, used = time.monotonic(), processor_seconds(pid)
             while player.poll() is None:
                 found.append(((time.monotonic() - began) * rate, resident_mb(pid)))
-                given(f"{found[-1][0]:.0f} s: {found[-1][1]:.1f} MB")
                 time.sleep(2.0)
             took = time.monotonic() - began
         cpu = (processor_seconds(pid) - used) / took
@@ -251,7 +250,6 @@ def main() -> None:
     parser.add_argument("--replay", type=float, default=300.0, help="seconds of recording to replay; 3600 for the hour")
     parser.add_argument("--fast", type=float, default=10.0, help="seconds of 2 kHz input")
     parser.add_argument("--rate", type=float, default=10.0, help="how fast it is replayed")
-    parser.add_argument("--progress", action="store_true", help="print memory as it goes")
     options = parser.parse_args()
     print("\n".join(latency()) + "\n", flush=True)
     with tempfile.TemporaryDirectory() as name:
@@ -264,9 +262,8 @@ def main() -> None:
             three.mkdir()
             print("\n" + "\n".join(fast(three, options.fast)), flush=True)
         if options.replay > 0.0:
-            show = (lambda text: print(text, file=sys.stderr, flush=True)) if options.progress else (lambda _text: None)
             two.mkdir()
-            print("\n" + "\n".join(replayed(two, options.replay, options.rate, show)), flush=True)
+            print("\n" + "\n".join(replayed(two, options.replay, options.rate)), flush=True)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 
+from printed import head, show
 from stations import connections, judge, runs, seeks, singles, together
 
 # Stations of each kind, runs of each kind; runs of each gyro for each of those.
@@ -76,16 +77,6 @@ def from_samples(seed: int, drawn: int) -> None:
         show(connections.row(found[-1]))
     if found:
         show(connections.all_rows(found))
-
-
-def show(*lines: str) -> None:
-    """Print lines at once, so that a long run shows how far it is."""
-    print("\n".join(lines), flush=True)
-
-
-def head(title: str, columns: str) -> None:
-    """Begin a section with one table."""
-    show("", f"### {title}", "", columns, "|" + "---|" * (columns.count("|") - 1))
 
 
 if __name__ == "__main__":

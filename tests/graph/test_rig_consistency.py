@@ -196,8 +196,8 @@ def asked(values):
     )
     frame = PolledFrame(polls=(Poll(4, "", items),))
     host = Master(frame)
-    poll = PolledLineUnit(frame).take(host.due(0.0))
-    (got,) = host.take(reply(frame, poll, usable(values)), 0.0)
+    poll = PolledLineUnit(frame).feed(host.due(0.0))
+    (got,) = host.feed(reply(frame, poll, usable(values)), 0.0)
     return {name: (got.values[item.quantity], 0.5 * item.line[1]) for name, item in zip(names, items, strict=True)}
 
 

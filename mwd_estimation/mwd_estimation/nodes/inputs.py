@@ -92,8 +92,8 @@ class InputTopics:
         Samples in a second frame, copies, and samples whose stamps come from another clock are left out.
         """
         layout = wire.SONDE_TOPICS[topic]
-        waiting = self._buffers[topic].take()
-        waiting_bursts = self._buffers[_BURST_TOPIC[topic]].take() if topic in _BURST_TOPIC else []
+        waiting = self._buffers[topic].drain()
+        waiting_bursts = self._buffers[_BURST_TOPIC[topic]].drain() if topic in _BURST_TOPIC else []
         if not waiting and not waiting_bursts:
             return layout.empty(0)
         if len(waiting) >= qos.LONG_QUEUE:

@@ -74,7 +74,7 @@ class TransmissionPublisher:
         if pipeline.counters.set_back > self._set_back:
             self._set_back = pipeline.counters.set_back
             self._begin_anew()
-        flows, _ = wire.decode_messages(wire.TOOL_FLOW, [message.data for message in self._flow.take()])
+        flows, _ = wire.decode_messages(wire.TOOL_FLOW, [message.data for message in self._flow.drain()])
         imu_t = pipeline.mount.imu_in_tool(imu)
         for transmitter in self._transmitters:
             transmitter.take_flow(flows)
@@ -157,7 +157,7 @@ class LogPublisher:
             ("counts", wire.COUNTS, self._counts),
             ("status", wire.TOOL_STATUS, self._status),
         ):
-            self._sampler.push(stream, wire.decode_messages(layout, [message.data for message in buffer.take()])[0])
+            self._sampler.push(stream, wire.decode_messages(layout, [message.data for message in buffer.drain()])[0])
         self._sampler.push("dynamics", output.dynamics)
         self._publish(self._sampler.advance(output.attitude))
         running, self._sampler.running = self._sampler.running, []

@@ -20,6 +20,8 @@ def _limits(gravity_mg: float, field_nt: float, dip_deg: float) -> Array:
     return np.array([gravity_mg * 1e-3 * STANDARD_GRAVITY, field_nt * 1e-9, math.radians(dip_deg)])
 
 
+#: Multiple of a fixed limit beyond which a survey is rejected, not doubtful.
+REJECT_FACTOR = 1.5
 # Named sets of limits. service: defaults of a service company; iscwsa: rule of thumb of the ISCWSA e-book, which states
 # no limit for gravity.
 LIMITS = {"service": _limits(2.5, 300.0, 0.45), "iscwsa": _limits(2.5, 300.0, 0.25)}

@@ -20,7 +20,7 @@ from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference, Slip
 from mwd_estimation.core.verdicts import ACCEPT, DOUBTFUL, REJECT, worse
-from mwd_estimation.survey.quality_settings import QualitySettings
+from mwd_estimation.survey.quality_settings import REJECT_FACTOR, QualitySettings
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import GRAVITY_FARTHEST, STANDARD_GRAVITY
 
@@ -30,10 +30,8 @@ _CHI3_DOUBTFUL, _CHI3_REJECT = chi_square.limit(0.01, 3), chi_square.limit(0.001
 # Smallest decrease of chi-square by a slip (a mistake in the entered reference) that is reported: odds of 3e5, compared
 # with one reference in a thousand that has a slip.
 _SLIP = 25.0
-# Multiples of the sigma of the tool code above which a station is doubtful or rejected, and multiple of the fixed
-# limits above which it is rejected.
+# Multiples of the sigma of the tool code above which a station is doubtful or rejected.
 TOOLCODE_DOUBTFUL, TOOLCODE_REJECT = 2.0, 3.0
-_REJECT = 1.5
 # Deviation of the gravity total from local gravity, in sigmas, above which the tool was not calibrated with local
 # gravity.
 _NOT_LOCAL = 2.0
@@ -255,7 +253,7 @@ def judge(deviations: Deviations, quality: QualitySettings) -> TotalsJudgement:
     """
     doubtful, by_code = bounds(deviations, quality), quality.fixed is None
     values = deviations.values
-    reject = (TOOLCODE_REJECT / TOOLCODE_DOUBTFUL if by_code else _REJECT) * doubtful
+    reject = (TOOLCODE_REJECT / TOOLCODE_DOUBTFUL if by_code else REJECT_FACTOR) * doubtful
     known = np.isfinite(values)
     verdict, reasons = ACCEPT, []
     codes = (Code.GRAVITY_OFF_STANDARD if deviations.standard else Code.GRAVITY_OFF, Code.FIELD_OFF, Code.DIP_OFF)

@@ -25,9 +25,9 @@ START = 1_772_344_800_000_000_000
 
 
 def waiting(messages):
-    """A buffer whose messages are taken once."""
+    """A buffer whose messages can be drained once."""
     left = [list(messages)]
-    return SimpleNamespace(take=lambda: left.pop() if left else [])
+    return SimpleNamespace(drain=lambda: left.pop() if left else [])
 
 
 def topics(**samples):

@@ -206,10 +206,10 @@ class Emulator:
             self._hear(data)
             return
         if self._unit is not None:
-            self._asked = self._unit.take(data) or self._asked
+            self._asked = self._unit.feed(data) or self._asked
             self._sending = self._sending or self._asked is not None
             return
-        for kind, content in self._commands.take(data):
+        for kind, content in self._commands.feed(data):
             asked = probe_protocol.requested(kind, content)
             if asked is None:
                 continue

@@ -70,7 +70,7 @@ class MtReader:
         self._time_ns = 0
         self._count = -1
 
-    def take(self, data: bytes) -> list[UnitSample]:
+    def feed(self, data: bytes) -> list[UnitSample]:
         """Accept bytes and return the samples of the complete packets."""
         self._held += data
         found: list[UnitSample] = []

@@ -380,7 +380,7 @@ class Master:
     def _poll(self) -> Poll:
         return self.frame.polls[self._turn]
 
-    def take(self, data: bytes, now_s: float) -> list[ReplyValues]:
+    def feed(self, data: bytes, now_s: float) -> list[ReplyValues]:
         """
         Accept bytes from the line; return the values of the reply that `data` completes, or an empty list.
 
@@ -489,7 +489,7 @@ class PolledLineUnit:
         self._held = b""
         self._requests = {request(frame, poll): poll for poll in frame.polls}
 
-    def take(self, data: bytes) -> Poll | bytes | None:
+    def feed(self, data: bytes) -> Poll | bytes | None:
         """
         Accept bytes from the line.
 

@@ -91,7 +91,7 @@ class Splitter:
         # Bytes before the first end may be the rest of a frame and are not counted as broken.
         self._begun = False
 
-    def take(self, data: bytes) -> list[tuple[int | str, bytes]]:
+    def feed(self, data: bytes) -> list[tuple[int | str, bytes]]:
         """Accept bytes and return kind (number or name) and content of each complete frame or line."""
         *whole, self._held = (self._held + data).split(b"\n" if self.text else END)
         if len(self._held) > _LONGEST:
@@ -146,10 +146,10 @@ class ProbeReader:
         self._splitter = Splitter(text)
         self.counters = self._splitter.counters
 
-    def take(self, data: bytes) -> list[UnitSample | UnitAnswer]:
+    def feed(self, data: bytes) -> list[UnitSample | UnitAnswer]:
         """Accept bytes and return complete samples and answers in order; invalid frames are counted as broken."""
         found: list[UnitSample | UnitAnswer] = []
-        for kind, content in self._splitter.take(data):
+        for kind, content in self._splitter.feed(data):
             try:
                 one = _parsed(kind, content)
             except (ValueError, struct.error):

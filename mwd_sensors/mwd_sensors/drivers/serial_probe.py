@@ -152,7 +152,7 @@ class SerialProbe:
             self._lose(error)
             return []
         found: list[UnitSample] = []
-        for one in self._reader.take(data) if data else ():
+        for one in self._reader.feed(data) if data else ():
             if isinstance(one, UnitAnswer):
                 self._take_answer(one, now_ns)
             elif 0 <= one.stamp_ns + self.offset_ns < _END_OF_TIME_NS:
@@ -178,7 +178,7 @@ class SerialProbe:
         offset of the unit's clock is known.
         """
         found: list[UnitSample] = []
-        for values, sent_s in master.take(data, moment):
+        for values, sent_s in master.feed(data, moment):
             # The unit measures somewhere between request and reply.
             half_ns = round(0.5 * (moment - sent_s) * 1e9)
             unit = values.get(polled_line.TIME)

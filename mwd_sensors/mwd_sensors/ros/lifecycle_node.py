@@ -393,7 +393,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         """
         result = super().on_activate(state)
         for buffer in self._buffers:
-            buffer.take()
+            buffer.drain()
         self.active = True
         try:
             self.activate()

@@ -35,7 +35,7 @@ class MessageBuffer:
     def __init__(self, subscription: Any) -> None:
         self.subscription = subscription
 
-    def take(self) -> list[ReceivedMessage]:
+    def drain(self) -> list[ReceivedMessage]:
         """Remove and return the waiting messages, oldest first, at most `_MAX_TAKEN`."""
         taken: list[ReceivedMessage] = []
         reader, msg_type = self.subscription.handle, self.subscription.msg_type

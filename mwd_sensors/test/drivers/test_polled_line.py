@@ -43,8 +43,8 @@ def test_a_request_and_its_check_are_those_of_the_modbus_specification():
 def test_the_master_reads_the_numbers_that_the_unit_sent(frame):
     master, _ = asked(frame)
     unit = PolledLineUnit(frame)
-    poll = unit.take(polled_line.request(frame, ANGLES))
-    (got,) = master.take(polled_line.reply(frame, poll, VALUES), 0.02)
+    poll = unit.feed(polled_line.request(frame, ANGLES))
+    (got,) = master.feed(polled_line.reply(frame, poll, VALUES), 0.02)
     assert got.values == pytest.approx(VALUES, abs=math.radians(0.006))
     assert got.sent_s == 0.0
     assert (master.trouble, unit.trouble) == ({}, {})
@@ -58,7 +58,7 @@ def test_every_form_and_order_reads_back_what_was_written(form, order, data):
         else st.integers(*polled_line._limits(form)[:2]).filter(lambda n: abs(n) < 2**53)
     )
     frame = PolledFrame(byte_order=order, polls=(Poll(4, "", (ReplyItem("v", form), ReplyItem("nothing", form))),))
-    (got,) = asked(frame)[0].take(polled_line.reply(frame, frame.polls[0], {"v": float(number)}), 0.0)
+    (got,) = asked(frame)[0].feed(polled_line.reply(frame, frame.polls[0], {"v": float(number)}), 0.0)
     assert got.values["v"] == number
     assert math.isnan(got.values["nothing"])
 
@@ -69,14 +69,14 @@ def test_a_time_in_nanoseconds_keeps_its_last_digit_and_a_dip_is_an_inclination_
     sent = {"time": 1_772_344_800_123_456_789, "inclination": math.radians(70.26)}
     data = polled_line.reply(frame, poll, sent)
     assert int.from_bytes(data[-4:-2], "big", signed=True) == 1974  # 19.74 deg
-    (got,) = asked(frame)[0].take(data, 0.0)
+    (got,) = asked(frame)[0].feed(data, 0.0)
     assert got.values["time"] == sent["time"]
     assert got.values["inclination"] == pytest.approx(sent["inclination"])
 
 
 def test_a_value_that_is_missing_or_beyond_its_form_is_sent_as_unknown():
     data = polled_line.reply(FRAME, ANGLES, {"inc": math.nan, "azi": math.radians(700.0)})
-    (got,) = asked()[0].take(data, 0.0)
+    (got,) = asked()[0].feed(data, 0.0)
     assert all(math.isnan(value) for value in got.values.values())
 
 
@@ -88,12 +88,12 @@ def test_a_reply_with_any_single_bit_flipped_gives_no_numbers_and_a_flipped_requ
         damaged = bytearray(right)
         damaged[bit // 8] ^= 1 << bit % 8
         master, _ = asked(frame)
-        assert master.take(bytes(damaged), 0.01) == []
+        assert master.feed(bytes(damaged), 0.01) == []
         assert given_up(master)
     for bit in range(8 * len(whole)):
         damaged = bytearray(whole)
         damaged[bit // 8] ^= 1 << bit % 8
-        assert not isinstance(PolledLineUnit(frame).take(bytes(damaged)), Poll)
+        assert not isinstance(PolledLineUnit(frame).feed(bytes(damaged)), Poll)
 
 
 @given(st.lists(st.integers(0, 40), max_size=6), st.booleans())
@@ -101,7 +101,7 @@ def test_a_reply_is_read_however_it_is_cut_and_with_or_without_an_echo(cuts, ech
     master, right = asked()
     data = (polled_line.request(FRAME, ANGLES) if echo else b"") + right
     at = [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
-    got = [one for a, b in itertools.pairwise(at) for one in master.take(data[a:b], 0.01)]
+    got = [one for a, b in itertools.pairwise(at) for one in master.feed(data[a:b], 0.01)]
     assert len(got) == 1
     assert master.trouble == {}
 
@@ -121,14 +121,14 @@ def test_a_reply_is_read_however_it_is_cut_and_with_or_without_an_echo(cuts, ech
 )
 def test_each_fault_of_a_reply_is_named_and_the_request_repeated_once_the_line_is_quiet(change, words):
     master, right = asked()
-    assert master.take(change(right), 0.01) == []
+    assert master.feed(change(right), 0.01) == []
     assert master.due(0.05) == b""
     assert master.due(0.11) == b""
     assert words in next(iter(master.trouble))
     # Quiet for as long as the timeout, then the same request again; a right reply to it is taken.
     assert master.due(0.2) == b""
     assert master.due(0.22) == polled_line.request(FRAME, ANGLES)
-    assert len(master.take(right, 0.23)) == 1
+    assert len(master.feed(right, 0.23)) == 1
 
 
 def test_a_request_that_is_never_answered_is_given_up_and_the_next_round_comes():
@@ -142,7 +142,7 @@ def test_a_request_that_is_never_answered_is_given_up_and_the_next_round_comes()
 def test_a_late_reply_is_dropped_and_said_and_does_not_count_for_the_next_request():
     master, right = asked()
     master.due(0.11)
-    assert master.take(right, 0.15) == []
+    assert master.feed(right, 0.15) == []
     assert any("later than timeout_s" in words for words in master.trouble)
     # The line must be quiet again from then on.
     assert master.due(0.22) == b""
@@ -151,52 +151,52 @@ def test_a_late_reply_is_dropped_and_said_and_does_not_count_for_the_next_reques
 
 def test_noise_before_a_reply_is_said_and_the_reply_is_read():
     master, right = asked()
-    assert len(master.take(b"\x00\xff\x01\x03" + right, 0.01)) == 1
+    assert len(master.feed(b"\x00\xff\x01\x03" + right, 0.01)) == 1
     assert "noise, or another unit" in next(iter(master.trouble))
 
 
 def test_a_refusal_is_said_with_its_reason():
     frame = dataclasses.replace(FRAME, polls=(dataclasses.replace(ANGLES, request="0100 0003"),))
     master = Master(frame)
-    refused = PolledLineUnit(FRAME).take(master.due(0.0))
-    assert master.take(refused, 0.01) == []
+    refused = PolledLineUnit(FRAME).feed(master.due(0.0))
+    assert master.feed(refused, 0.01) == []
     assert list(master.trouble) == ["the unit refuses command 3: unknown data"]
     other = dataclasses.replace(FRAME, polls=(dataclasses.replace(ANGLES, command=6),))
     master = Master(other)
-    master.take(PolledLineUnit(FRAME).take(master.due(0.0)), 0.01)
+    master.feed(PolledLineUnit(FRAME).feed(master.due(0.0)), 0.01)
     assert list(master.trouble) == ["the unit refuses command 6: unknown command"]
 
 
 def test_a_host_that_is_slower_than_the_unit_gets_one_answer_to_requests_that_piled_up():
     unit, whole = PolledLineUnit(FRAME), polled_line.request(FRAME, ANGLES)
-    assert unit.take(3 * whole) == ANGLES
+    assert unit.feed(3 * whole) == ANGLES
     assert unit.answered == 1
-    assert unit.take(b"") is None
+    assert unit.feed(b"") is None
 
 
 def test_a_unit_is_silent_for_requests_to_others_and_for_damaged_ones():
     unit = PolledLineUnit(FRAME)
     other = dataclasses.replace(FRAME, address=2)
     talk = polled_line.request(other, ANGLES) + polled_line.reply(other, ANGLES, VALUES)
-    assert unit.take(talk) is None
+    assert unit.feed(talk) is None
     assert unit.trouble == {}
     whole = polled_line.request(FRAME, ANGLES)
-    assert unit.take(whole[:-1] + bytes([whole[-1] ^ 0x10])) is None
+    assert unit.feed(whole[:-1] + bytes([whole[-1] ^ 0x10])) is None
     assert "wrong check" in next(iter(unit.trouble))
-    assert unit.take(talk + whole) == ANGLES
+    assert unit.feed(talk + whole) == ANGLES
 
 
 @given(st.binary(max_size=600), st.integers(1, 50))
 def test_any_bytes_are_survived_by_both_ends(data, step):
     unit, (master, right) = PolledLineUnit(FRAME), asked()
     for at in range(0, len(data), step):
-        unit.take(data[at : at + step])
-        master.take(data[at : at + step], 0.01)
-    unit.take(bytes(600))
-    assert unit.take(polled_line.request(FRAME, ANGLES)) == ANGLES
+        unit.feed(data[at : at + step])
+        master.feed(data[at : at + step], 0.01)
+    unit.feed(bytes(600))
+    assert unit.feed(polled_line.request(FRAME, ANGLES)) == ANGLES
     given_up(master)
     assert master.due(20.0)
-    assert len(master.take(right, 20.01)) == 1
+    assert len(master.feed(right, 20.01)) == 1
 
 
 @pytest.mark.parametrize(
@@ -228,7 +228,7 @@ def test_a_value_beyond_every_form_is_sent_and_never_stops_the_line(form, value)
     frame = dataclasses.replace(FRAME, polls=(poll,))
     master = Master(frame)
     master.due(0.0)
-    ((values, _),) = master.take(polled_line.reply(frame, poll, {"inclination": value}), 0.01)
+    ((values, _),) = master.feed(polled_line.reply(frame, poll, {"inclination": value}), 0.01)
     assert math.isnan(values["inclination"])
 
 

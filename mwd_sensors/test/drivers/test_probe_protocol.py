@@ -44,7 +44,7 @@ readings = st.sampled_from(sorted(widths)).flatmap(
 def test_samples_come_back_to_the_bit_whatever_the_blocks(text, sent, cut):
     data = b"".join(sample(one, k, text) for k, one in enumerate(sent))
     reader = ProbeReader(text)
-    got = [one for at in range(0, len(data), cut) for one in reader.take(data[at : at + cut])]
+    got = [one for at in range(0, len(data), cut) for one in reader.feed(data[at : at + cut])]
     assert got == sent
     assert (reader.counters.frames, reader.counters.broken, reader.counters.lost) == (len(sent), 0, 0)
 
@@ -58,7 +58,7 @@ def test_a_bit_that_the_line_turns_is_seen_in_every_place(text, bit):
         damaged = bytearray(frames[1])
         damaged[place] ^= 1 << bit
         reader = ProbeReader(text)
-        got = reader.take(frames[0] + bytes(damaged) + frames[2] + frames[0])
+        got = reader.feed(frames[0] + bytes(damaged) + frames[2] + frames[0])
         assert all(one in sent for one in got)
         assert got[0] == sent[0]
         # A damaged end joins two frames; a damaged letter of the kind may leave a check that holds, but no sample.
@@ -69,19 +69,19 @@ def test_a_bit_that_the_line_turns_is_seen_in_every_place(text, bit):
 def test_bytes_before_a_line_of_text_cost_no_other_line(before):
     lines = [sample(UnitSample("imu/temperature", k, (21.5,)), k, text=True) for k in range(3)]
     reader = ProbeReader(text=True)
-    assert [one.stamp_ns for one in reader.take(lines[0] + before + lines[1] + lines[2])] == [0, 1, 2]
+    assert [one.stamp_ns for one in reader.feed(lines[0] + before + lines[1] + lines[2])] == [0, 1, 2]
     assert (reader.counters.frames, reader.counters.broken) == (3, 1)
 
 
 def test_a_gap_of_the_counter_counts_what_is_missing():
     reader = ProbeReader(False)
-    reader.take(b"".join(sample(WARM, counter, False) for counter in (250, 255, 2)))
+    reader.feed(b"".join(sample(WARM, counter, False) for counter in (250, 255, 2)))
     assert reader.counters.lost == 4 + 2
 
 
 def test_the_rest_of_a_frame_at_the_beginning_is_no_fault_of_the_line():
     reader = ProbeReader(False)
-    assert reader.take(sample(WARM, 0, False)[3:] + sample(WARM, 1, False)) == [WARM]
+    assert reader.feed(sample(WARM, 0, False)[3:] + sample(WARM, 1, False)) == [WARM]
     assert reader.counters.broken == 0
 
 
@@ -89,11 +89,11 @@ def test_the_rest_of_a_frame_at_the_beginning_is_no_fault_of_the_line():
 def test_commands_and_answers_come_back(text):
     splitter = Splitter(text)
     for name in probe_protocol.COMMANDS:
-        (asked,) = splitter.take(command(name, 3, text, 1_772_344_800_123_456_789))
+        (asked,) = splitter.feed(command(name, 3, text, 1_772_344_800_123_456_789))
         assert requested(*asked) == (name, 1_772_344_800_123_456_789)
     reader = ProbeReader(text)
     told = [UnitAnswer("time", sent_ns=17, unit_ns=2**60), UnitAnswer("info", "probe 7 v1.2")]
-    assert [one for k, a in enumerate(told) for one in reader.take(probe_protocol.answer(a, k, text))] == told
+    assert [one for k, a in enumerate(told) for one in reader.feed(probe_protocol.answer(a, k, text))] == told
 
 
 def test_samples_of_the_graph_become_readings_and_back():
@@ -126,5 +126,5 @@ def test_clip_flags_of_a_line_come_back_from_the_samples(topic):
 )
 def test_a_line_with_a_number_that_no_frame_could_hold_is_broken_and_what_follows_is_read(words):
     reader = ProbeReader(text=True)
-    assert reader.take(line(*words) + sample(WARM, 1, True)) == [WARM]
+    assert reader.feed(line(*words) + sample(WARM, 1, True)) == [WARM]
     assert reader.counters.broken == 1

@@ -111,7 +111,7 @@ def test_the_line_stays_until_the_host_has_read_the_last_sample():
     assert player.is_alive()
     got = 0
     while got < count(sent):
-        got += len(list(splitter.take(os.read(host, 100))))
+        got += len(list(splitter.feed(os.read(host, 100))))
     player.join()
     os.close(host)
     assert got == count(sent)
@@ -379,7 +379,7 @@ def test_a_unit_without_a_clock_is_stamped_between_request_and_reply(tmp_path):
     with bare_line(protocol="polled", frame_file=str(frame)) as (unit, probe):
         probe.poll(START)
         end = polled_line.PolledLineUnit(probe.reader.frame)
-        asked = end.take(os.read(unit, 100))
+        asked = end.feed(os.read(unit, 100))
         os.write(unit, polled_line.reply(end.frame, asked, {"temperature": 41.5}))
         got, stop = [], time.monotonic() + 10.0
         while not got and time.monotonic() < stop:

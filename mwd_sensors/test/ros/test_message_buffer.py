@@ -53,8 +53,8 @@ def messages(count, frame="sonde_link"):
 
 def test_everything_that_waits_is_taken_oldest_first_with_its_time_of_arrival():
     buffer = buffer_of([b"first", b"second", b"third"])
-    assert buffer.take() == [(b"first", 1000), (b"second", 1001), (b"third", 1002)]
-    assert buffer.take() == []
+    assert buffer.drain() == [(b"first", 1000), (b"second", 1001), (b"third", 1002)]
+    assert buffer.drain() == []
 
 
 def test_messages_decoded_together_are_those_decoded_one_by_one():
@@ -88,7 +88,7 @@ def test_a_buffered_profile_differs_in_nothing_but_its_depth():
 @pytest.mark.fault_case(55)
 def test_a_flood_is_taken_in_bounded_portions():
     buffer = buffer_of(itertools.repeat(b""))
-    assert [buffer.take()[-1].received_ns for _ in range(2)] == [10_999, 20_999]
+    assert [buffer.drain()[-1].received_ns for _ in range(2)] == [10_999, 20_999]
 
 
 @pytest.mark.ros
@@ -109,9 +109,9 @@ def test_a_full_queue_drops_the_oldest_messages():
         sent = messages(2000)
         for message in sent:
             publisher.publish(message)
-        until(lambda: sent[-1] in [one.data for one in large.take()], 30, "the last message has arrived")
+        until(lambda: sent[-1] in [one.data for one in large.drain()], 30, "the last message has arrived")
         taken = []
-        until(lambda: taken.extend(one.data for one in full.take()) or sent[-1] in taken, 30, "it is in the full queue")
+        until(lambda: taken.extend(one.data for one in full.drain()) or sent[-1] in taken, 30, "it is in the queue")
         assert len(taken) <= 60
         assert taken[-50:] == sent[-50:]
     finally:

@@ -50,8 +50,6 @@ def test_odd_parity_turns_the_bit():
     ("change", "complaint"),
     [
         ({"pulse_with_s": 0.5}, "did you mean pulse_width_s"),
-        ({"pulse_width_s": 0.0}, "below the lowest allowed"),
-        ({"code": "mari"}, "did you mean mary"),
         ({"sync": {"edges_tu": [0, 1, 15]}}, "width of a pulse"),
         ({"sync": {"edges_tu": [0, 5, 50]}}, "ends before"),
         ({"survey_sequences": ["Inc:12:P Azz"]}, r"survey_sequences\[0\].*Azz"),

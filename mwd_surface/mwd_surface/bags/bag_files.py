@@ -61,6 +61,17 @@ class BagError(Exception):
         self.hint = hint
 
 
+@dataclasses.dataclass
+class OpenedMcap:
+    """An opened MCAP file of a bag."""
+
+    file: McapFile
+    contents: Contents
+    names: dict[int, str] = dataclasses.field(default_factory=dict)  #: topic name by channel number
+    #: Message type by channel number, for channels in the ROS 1 encoding.
+    ros1: dict[int, str] = dataclasses.field(default_factory=dict)
+
+
 class BagFiles:
     """
     The opened files of a bag.
@@ -77,24 +88,24 @@ class BagFiles:
     """
 
     def __init__(self, path: Path) -> None:
-        # See `bag_reader.Bag` for the attributes that have the same name there.
         self.path = recording_of(path)
-        self.topics: dict[str, TopicInfo] = {}
+        self.topics: dict[str, TopicInfo] = {}  #: topics whose messages can be read
+        #: Topics whose messages cannot be read; `TopicInfo.problem` is the reason.
         self.unreadable: dict[str, TopicInfo] = {}
+        #: Log times of the first and the last message; both are 0 in an empty recording.
         self.start_ns = self.end_ns = 0
+        #: One sentence for each thing that was unusual or damaged; the list grows while reading.
         self.notes: list[str] = []
-        self.complete = True
+        self.complete = True  #: false if the recording is known to be cut off or damaged
+        #: Number of bytes of a ROS 1 recording after the place where reading ended.
         self.lost_bytes = 0
-        self.custom: dict[str, str] = {}
+        self.custom: dict[str, str] = {}  #: the table ``custom_data`` of metadata.yaml
+        #: The files that are read, as found on the disk, and their total size.
         self.files: list[Path] = []
         self.size_bytes = 0
-        self.storage = ""
+        self.storage = ""  #: ``mcap``, ``sqlite3`` or ``ros1``
         self.message_compression = False  #: whether each message is compressed separately
-        #: The opened files with their contents; empty for other storage.
-        self.mcap: list[tuple[McapFile, Contents]] = []
-        self.names: list[dict[int, str]] = []  #: for each MCAP file: topic name by channel number
-        #: For each MCAP file: message type by channel number, for channels in the ROS 1 encoding.
-        self.ros1: list[dict[int, str]] = []
+        self.mcap: list[OpenedMcap] = []  #: the opened files; empty for other storage
         self._probed: set[str] = set()
         self.other: DatabaseFiles | Ros1Bag | None = None  #: reader of a bag with other storage; None for MCAP
         self._scratch: tempfile.TemporaryDirectory[str] | None = None
@@ -106,8 +117,8 @@ class BagFiles:
 
     def close(self) -> None:
         """Close the files, including the files of `other`, and delete the temporary folder of unpacked files."""
-        for file, _ in self.mcap:
-            file.close()
+        for one in self.mcap:
+            one.file.close()
         self.mcap = []
         if self.other is not None:
             self.other.close()
@@ -224,7 +235,7 @@ class BagFiles:
                 problems.append(f"{path.name} cannot be opened: {error.strerror}")
                 continue
             contents = file.contents()
-            self.mcap.append((file, contents))
+            self.mcap.append(OpenedMcap(file, contents))
             if is_being_written(path):
                 self.notes.append(f"{path.name} is being recorded: messages that come from now on are not read")
             else:
@@ -235,28 +246,28 @@ class BagFiles:
         if problems:
             self.notes += [f"{problem}; skipped" for problem in problems]
             self.complete = False
-        bad = [self._join_topics(file, contents) for file, contents in self.mcap]
+        bad = [self._join_topics(one) for one in self.mcap]
         for name in self.topics.keys() & self.unreadable.keys():
             # The topic has messages in two encodings: keep only the messages that can be read.
             left = self.unreadable.pop(name)
             self.notes.append(f"{left.count} messages of {name} are left out: {left.problem}")
-        for names, numbers in zip(self.names, bad, strict=True):
-            for number in [number for number in numbers if names.get(number) in self.topics]:
-                del names[number]
-        if any(self.ros1):
+        for one, numbers in zip(self.mcap, bad, strict=True):
+            for number in [number for number in numbers if one.names.get(number) in self.topics]:
+                del one.names[number]
+        if any(one.ros1 for one in self.mcap):
             self.notes.append(
                 "messages are in the encoding of ROS 1 and are converted while they are read, which is slower"
             )
-        spans = [span for _, contents in self.mcap for span in contents.spans]
+        spans = [span for one in self.mcap for span in one.contents.spans]
         if spans:
             self.start_ns = min(span.start_ns for span in spans)
             self.end_ns = max(span.end_ns for span in spans)
-        if not all(contents.checksums for _, contents in self.mcap):
+        if not all(one.contents.checksums for one in self.mcap):
             self.notes.append("the recording carries no checksums: damage inside it would not be seen")
         if self.message_compression:
             self.notes.append("messages are compressed one by one: read slowly")
 
-    def _join_topics(self, file: McapFile, contents: Contents) -> set[int]:
+    def _join_topics(self, one: OpenedMcap) -> set[int]:
         """
         Add the channels of an MCAP file to the topics; return the numbers of the channels that cannot be read.
 
@@ -264,8 +275,9 @@ class BagFiles:
         """
         # Test the encoding of a topic only in the first file with its messages, so that a day in a hundred files opens
         # as fast as a single file.
-        fresh = {number for number, one in contents.channels.items() if one.topic not in self._probed}
-        problems = _probed(file, contents, fresh)
+        contents = one.contents
+        fresh = {number for number, channel in contents.channels.items() if channel.topic not in self._probed}
+        problems = _probed(one.file, contents, fresh)
         filled = [
             k for k in fresh if contents.counts.get(k, 0) and contents.channels[k].message_encoding.lower() == CDR
         ]
@@ -273,8 +285,6 @@ class BagFiles:
             problems = {}
         self._probed |= {contents.channels[number].topic for number in fresh if contents.counts.get(number, 0)}
         bad: set[int] = set()
-        names: dict[int, str] = {}
-        ros1: dict[int, str] = {}
         for number, channel in contents.channels.items():
             schema = contents.schemas.get(channel.schema_id)
             kind, declared = (schema.encoding, schema.name) if schema else ("", "")
@@ -300,13 +310,11 @@ class BagFiles:
                 CDR if from_ros1 else encoding,
                 problem,
             )
-            names[number] = channel.topic
+            one.names[number] = channel.topic
             if problem:
                 bad.add(number)
             if from_ros1:
-                ros1[number] = type_name
-        self.names.append(names)
-        self.ros1.append(ros1)
+                one.ros1[number] = type_name
         orphans = sum(count for number, count in contents.counts.items() if number not in contents.channels)
         if orphans:
             self.notes.append(f"{orphans} messages were left out, because the declaration of their topic is lost")

@@ -29,14 +29,12 @@ from mwd_surface.bags.definitions import is_ours
 from mwd_surface.bags.mcap.contents import MessageSpan, parse, parse_attachment
 from mwd_surface.bags.mcap.records import Decompressor, FormatError
 from mwd_surface.bags.mcap.walk import walk_records
-from mwd_surface.bags.message_parts import NEVER, Block, Decoded, MessagePart, blocks_of, part_of
+from mwd_surface.bags.message_parts import NEVER, Block, MessagePart, blocks_of, part_of
 from mwd_surface.bags.sample_decoder import Fields, SampleDecoder
 from mwd_surface.bags.topic_info import REMEDY, listed, quantity_of, ros2_types
 
 # Parts of the files in time order. A thread decompresses and decodes chunks of MCAP files ahead of their use; other
 # storage is read through `rosbags`.
-
-M = TypeVar("M", MessagePart, Decoded)
 
 _AHEAD = 4  # number of spans loaded ahead of their use
 _AHEAD_BYTES = 64 * 1024 * 1024  # largest decompressed size of these spans
@@ -55,11 +53,9 @@ class PartStream:
     def __init__(self, opened: BagFiles, topics: Mapping[str, TopicInfo], on_damage: Callable[[str], None]) -> None:
         self._opened, self._topics, self._on_damage = opened, topics, on_damage
 
-    def groups(
-        self, topics: list[str], start_ns: int | None, end_ns: int | None, made: Callable[[MessagePart], M]
-    ) -> Iterator[list[M]]:
+    def groups(self, topics: list[str], start_ns: int | None, end_ns: int | None) -> Iterator[list[MessagePart]]:
         """
-        Yield, in groups, the result of `made` for each part with messages of the given topics and log times.
+        Yield, in groups, the parts with messages of the given topics and log times.
 
         start_ns, end_ns : log time from (inclusive) and to (exclusive). No message of a group was logged later than
         any message of the next group.
@@ -67,18 +63,18 @@ class PartStream:
         start, end = start_ns or 0, NEVER if end_ns is None else end_ns
         if self._opened.other is not None:
             for part in self._other_parts(topics, start, end):
-                yield [made(part)]
+                yield [part]
             return
         chosen: list[tuple[int, MessageSpan]] = []
-        for number, (_, contents) in enumerate(self._opened.mcap):
-            channels = {key for key, name in self._opened.names[number].items() if name in topics}
-            for span in contents.spans:
+        for number, file in enumerate(self._opened.mcap):
+            channels = {key for key, name in file.names.items() if name in topics}
+            for span in file.contents.spans:
                 inside = span.end_ns >= start and span.start_ns < end
                 if inside and (span.channels is None or not channels.isdisjoint(span.channels)):
                     chosen.append((number, span))
         chosen.sort(key=lambda item: (item[1].start_ns, item[0], item[1].offset))
-        pending: list[M] = []
-        for k, one in enumerate(self._ahead(chosen, topics, start, end, made)):
+        pending: list[MessagePart] = []
+        for k, one in enumerate(self._ahead(chosen, topics, start, end)):
             if one is not None:
                 pending.append(one)
             mark = chosen[k + 1][1].start_ns if k + 1 < len(chosen) else NEVER
@@ -99,29 +95,25 @@ class PartStream:
         topics: list[str],
         start: int,
         end: int,
-        made: Callable[[MessagePart], M],
-    ) -> Iterator[M | None]:
-        """Yield the result of `made` for each chosen span, None if it is damaged; a thread loads a few spans ahead."""
-        waiting: deque[tuple[concurrent.futures.Future[M], int]] = deque()
+    ) -> Iterator[MessagePart | None]:
+        """Yield the part of each chosen span, None if it is damaged; a thread loads a few spans ahead."""
+        waiting: deque[tuple[concurrent.futures.Future[MessagePart], int]] = deque()
         wanted = []
-        for names in self._opened.names:
+        for file in self._opened.mcap:
             mask = np.zeros(65536, dtype=np.bool_)
-            mask[[number for number, name in names.items() if name in topics]] = True
+            mask[[number for number, name in file.names.items() if name in topics]] = True
             wanted.append(mask)
         # Use one thread: a second one loses more to competition for memory bandwidth than it gains.
         pool = concurrent.futures.ThreadPoolExecutor(1, thread_name_prefix="bag")
         decompress = Decompressor()
-
-        def load(number: int, span: MessageSpan) -> M:
-            # Call `made` in the loading thread, while the bytes are still in the cache.
-            return made(self._load(decompress, number, span, wanted[number], start, end))
 
         try:
             position, held = 0, 0
             while position < len(chosen) or waiting:
                 while position < len(chosen) and len(waiting) < _AHEAD and (not waiting or held < _AHEAD_BYTES):
                     number, span = chosen[position]
-                    waiting.append((pool.submit(load, number, span), span.size))
+                    loaded = pool.submit(self._load, decompress, number, span, wanted[number], start, end)
+                    waiting.append((loaded, span.size))
                     held += span.size
                     position += 1
                 future, size = waiting.popleft()
@@ -143,7 +135,7 @@ class PartStream:
         start: int,
         end: int,
     ) -> MessagePart:
-        data = np.frombuffer(self._opened.mcap[number][0].plain(span, decompress), dtype=np.uint8)
+        data = np.frombuffer(self._opened.mcap[number].file.plain(span, decompress), dtype=np.uint8)
         walk = walk_records(data)
         if walk.end != len(data):
             raise FormatError(f"a chunk's records end at byte {walk.end} of {len(data)}")
@@ -157,7 +149,7 @@ class PartStream:
             part = part.at(chosen)
         if len(part.log_ns) and (part.log_ns[1:] < part.log_ns[:-1]).any():
             part = part.at(np.argsort(part.log_ns, kind="stable"))
-        return self._from_ros1(part, number) if self._opened.ros1[number] else part
+        return self._from_ros1(part, number) if self._opened.mcap[number].ros1 else part
 
     def _from_ros1(self, part: MessagePart, number: int) -> MessagePart:
         """
@@ -165,7 +157,7 @@ class PartStream:
 
         Messages that cannot be converted are reported and left out.
         """
-        types = self._opened.ros1[number]
+        types = self._opened.mcap[number].ros1
         rows: list[tuple[int, int, bytes]] = []
         failed: dict[str, tuple[int, Exception]] = {}
         for log_ns, at, size, channel in zip(
@@ -176,7 +168,7 @@ class PartStream:
                 try:
                     data = bytes(ros2_types().ros1_to_cdr(data, types[channel]))
                 except Exception as error:  # noqa: BLE001  (a decoder may raise any error on damaged bytes)
-                    name = self._opened.names[number][channel]
+                    name = self._opened.mcap[number].names[channel]
                     failed[name] = failed.get(name, (0, error))[0] + 1, error
                     continue
             rows.append((log_ns, channel, data))
@@ -218,7 +210,7 @@ E = TypeVar("E", Attachment, Metadata)
 Message = tuple[int, str, str, bytes]
 
 
-class Bag:
+class Bag(BagFiles):
     """
     A recording opened for reading: a rosbag2 directory, a bare ``.mcap`` or ``.db3`` file, or a ``.bag`` of ROS 1.
 
@@ -229,14 +221,7 @@ class Bag:
     """
 
     def __init__(self, path: Path | str) -> None:
-        self._opened = opened = BagFiles(Path(path))
-        self.path = opened.path
-        self.topics = opened.topics  #: topics whose messages can be read
-        #: Topics whose messages cannot be read; `TopicInfo.problem` is the reason.
-        self.unreadable = opened.unreadable
-        #: One sentence for each thing that was unusual or damaged; the list grows while reading.
-        self.notes = opened.notes
-        self.custom = opened.custom  #: the table ``custom_data`` of metadata.yaml
+        super().__init__(Path(path))
         for about in list(self.topics.values()):
             if about.type_name.startswith("mwd_msgs/") and not is_ours(about.type_name, about.type_hash, about.schema):
                 problem = "it was recorded with another definition of this type"
@@ -244,17 +229,9 @@ class Bag:
         for name, about in self.topics.items():
             if about.type_name == wire.VECTOR.type_name:
                 self.topics[name] = dataclasses.replace(about, quantity=quantity_of(name))
-        #: Log times of the first and the last message; both are 0 in an empty recording.
-        self.start_ns, self.end_ns = opened.start_ns, opened.end_ns
-        #: The files that are read, as found on the disk, and their total size.
-        self.files, self.size_bytes = opened.files, opened.size_bytes
-        self.storage = opened.storage  #: ``mcap``, ``sqlite3`` or ``ros1``
-        self.complete = opened.complete  #: false if the recording is known to be cut off or damaged
-        #: Number of bytes of a ROS 1 recording after the place where reading ended.
-        self.lost_bytes = opened.lost_bytes
         self._noted: set[str] = set()
-        self._decoder = SampleDecoder(self.topics, opened.message_compression, self._note_once)
-        self._stream = PartStream(opened, self.carried, self._note_damage)
+        self._decoder = SampleDecoder(self.topics, self.message_compression, self._note_once)
+        self._stream = PartStream(self, self.carried, self._note_damage)
 
     @property
     def message_count(self) -> int:
@@ -342,18 +319,11 @@ class Bag:
         BagError
             A topic does not exist in the bag.
         """
-        wanted = self._checked(topics)
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
         count = 0
-
-        def decoded(part: MessagePart) -> Decoded:
-            return Decoded(part.rank, list(self._decoder.samples(part, self._part_names(part), fields or {})))
-
-        for group in self._stream.groups(wanted, start_ns, end_ns, decoded):
-            for one in group:
-                for name, log_ns, samples in one.samples:
-                    pieces.setdefault(name, []).append((log_ns, samples))
-                count += len(one)
+        for group in self._stream.groups(self._checked(topics), start_ns, end_ns):
+            for part in group:
+                count += self._add_samples(pieces, part, fields)
             if count >= block_messages:
                 yield from filter(None, blocks_of(pieces, block_messages))
                 pieces, count = {}, 0
@@ -380,10 +350,9 @@ class Bag:
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
         originals: list[MessagePart] = []
         count = 0
-        for group in self._stream.groups(list(self.carried), start_ns, end_ns, lambda part: part):
+        for group in self._stream.groups(list(self.carried), start_ns, end_ns):
             for part in group:
-                for name, log_ns, samples in self._decoder.samples(part, self._part_names(part), fields or {}, wanted):
-                    pieces.setdefault(name, []).append((log_ns, samples))
+                self._add_samples(pieces, part, fields, wanted)
                 originals.append(self._originals(part))
                 count += len(part.log_ns)
             if count >= block_messages:
@@ -401,7 +370,7 @@ class Bag:
         Messages with the same log time come in the order of the file. Arguments and errors as in `blocks`.
         """
         wanted = self._checked(topics)
-        for group in self._stream.groups(wanted, start_ns, end_ns, lambda part: part):
+        for group in self._stream.groups(wanted, start_ns, end_ns):
             yield from self._in_order(group)
 
     def use_frame(self, topic: str, frame: str) -> None:
@@ -441,10 +410,6 @@ class Bag:
         tables = self._extra("metadata", Opcode.METADATA, functools.partial(parse, Metadata))
         return {table.name: table.metadata for table in tables}
 
-    def close(self) -> None:
-        """Close the files."""
-        self._opened.close()
-
     def __enter__(self) -> Bag:
         return self
 
@@ -461,6 +426,20 @@ class Bag:
                 raise BagError(f"{self.path} has no topic {name}", f"it has {first_of(list(self.topics))}")
         return list(topics)
 
+    def _add_samples(
+        self,
+        pieces: dict[str, list[tuple[Stamps, Any]]],
+        part: MessagePart,
+        fields: Fields | None,
+        wanted: set[str] | None = None,
+    ) -> int:
+        """Add the samples of a part, of all or of the wanted topics, to the pieces; return their number."""
+        count = 0
+        for name, log_ns, samples in self._decoder.samples(part, self._part_names(part), fields or {}, wanted):
+            pieces.setdefault(name, []).append((log_ns, samples))
+            count += len(log_ns)
+        return count
+
     def _in_order(self, group: list[MessagePart]) -> Iterator[Message]:
         which = np.concatenate([np.full(len(part.log_ns), k) for k, part in enumerate(group)])
         inside = np.concatenate([np.arange(len(part.log_ns)) for part in group])
@@ -475,7 +454,7 @@ class Bag:
             at = offset[row]
             name = names[k][channel[row]]
             data = bytes(views[k][at : at + size[row]])
-            if self._opened.message_compression:
+            if self.message_compression:
                 unpacked = self._decoder.unzipped(data)
                 if unpacked is None:
                     continue
@@ -483,10 +462,10 @@ class Bag:
             yield log_ns[row], name, self.carried[name].type_name, data
 
     def _part_names(self, part: MessagePart) -> Mapping[int, str]:
-        return self._opened.names[part.file] if self._opened.other is None else dict(enumerate(self.carried))
+        return self.mcap[part.file].names if self.other is None else dict(enumerate(self.carried))
 
     def _originals(self, part: MessagePart) -> MessagePart:
-        if self._opened.message_compression:
+        if self.message_compression:
             rows = []
             for log_ns, at, size, channel in zip(part.log_ns, part.offset, part.size, part.channel, strict=True):
                 data = self._decoder.unzipped(part.data[at : at + size].tobytes())
@@ -501,10 +480,10 @@ class Bag:
         return dataclasses.replace(part, channel=table[part.channel])
 
     def _extra(self, kind: str, opcode: int, parser: Callable[[bytes], E]) -> Iterator[E]:
-        for file, contents in self._opened.mcap:
-            for offset, _ in getattr(contents, kind):
+        for opened in self.mcap:
+            for offset, _ in getattr(opened.contents, kind):
                 try:
-                    yield parser(file.body(offset, opcode))
+                    yield parser(opened.file.body(offset, opcode))
                 except FormatError as error:
                     self._note_once(f"one of the {kind} is damaged and left out: {error}")
 

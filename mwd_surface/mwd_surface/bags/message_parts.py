@@ -57,28 +57,6 @@ class MessagePart:
         )
 
 
-@dataclasses.dataclass
-class Decoded:
-    """Samples of the messages of one span of a file."""
-
-    rank: tuple[int, int]  #: see `MessagePart`
-    samples: list[tuple[str, Stamps, Any]]  #: samples of each topic in order of log time, as an array or a list
-
-    def __len__(self) -> int:
-        return sum(len(log_ns) for _, log_ns, _ in self.samples)
-
-    def split(self, mark: int) -> tuple[Decoded, Decoded]:
-        """Return the samples before the log time `mark`, ns, and the samples at or after `mark`."""
-        early, late = Decoded(self.rank, []), Decoded(self.rank, [])
-        for name, log_ns, samples in self.samples:
-            cut = int(np.searchsorted(log_ns, mark))
-            if cut > 0:
-                early.samples.append((name, log_ns[:cut], samples[:cut]))
-            if cut < len(log_ns):
-                late.samples.append((name, log_ns[cut:], samples[cut:]))
-        return early, late
-
-
 def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) -> Iterator[Block]:
     """
     Join and sort the pieces of each topic, and yield them as blocks.

@@ -120,7 +120,7 @@ def _opened(
     Raises ValueError if the name has another form or does not fit the code of the tool.
     """
     from mwd_sensors.core.input_files import read_yaml
-    from mwd_surface.receiver import network_sources, pressure_table, sources
+    from mwd_surface.receiver import network_sources, pressure_columns, sources
     from mwd_surface.rig.wits.format import KEEP_ALIVE
 
     kind, _, rest = where.partition(":")
@@ -130,7 +130,7 @@ def _opened(
     if kind == "wav" and rest == "-" and not wired:
         return sources.WavStream(0)
     host, _, port = rest.rpartition(":")
-    said = pressure_table.columns_of(columns)
+    said = pressure_columns.columns_of(columns)
     if kind == "lines" and rest == "-" and not wired:
         return network_sources.LineSource(sources.Pipe(0), said, clock)
     if kind == "opcua" and rest and not wired:

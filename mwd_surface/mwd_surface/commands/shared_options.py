@@ -22,10 +22,10 @@ import typer
 from mwd_sensors.core import settings
 from mwd_sensors.core.settings import SettingsError, unknown_key
 from mwd_surface.commands.sources import recording_at
+from mwd_surface.list_files.list_settings import ListSettings, asked
 
 if TYPE_CHECKING:
     from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_surface.list_files.list_settings import ListSettings
     from mwd_surface.processing.bag_input import InputSettings
     from mwd_surface.surveys.well import Well
     from mwd_surface.trajectory.plan import Plan
@@ -461,26 +461,6 @@ def input_settings(reading: Reading, **more: Any) -> InputSettings:
     return given_settings(InputSettings, {**reading, **more})
 
 
-def _list(words: str, *names: str, kind: Any = str | None, **more: Any) -> Any:
-    return Annotated[kind, typer.Option(*names, help=words, rich_help_panel="List", **more)]
-
-
-# Command-line options for the fields of `ListSettings`, by field name.
-_LIST_OPTIONS: dict[str, Any] = {
-    "columns": _list("Columns of the list by quantity, if not recognised, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI."),
-    "length_unit": _list("Unit of lengths if the list does not give it: m, ft or ftus."),
-    "angle_unit": _list("Unit of angles if the list does not give it: deg, rad or grad."),
-    "north": _list("North of the azimuths if the list does not state it: magnetic, true or grid.", "--north"),
-    "decimal": _list("Decimal mark, point or comma, if numbers like 1,000 are ambiguous."),
-    "dip": _list("Direction of positive angles from the horizontal: down or up."),
-    "wellhead": _list(
-        "Northing and easting of the wellhead in the map coordinates of the list, m.", metavar="NORTHING,EASTING"
-    ),
-    "confirm": _list(
-        "Accept values of this kind that look wrong: dogleg, wellhead or depth. May be repeated.",
-        kind=list[str] | None,
-    ),
-}
 PlanSet = Annotated[
     list[str] | None,
     typer.Option(
@@ -503,8 +483,6 @@ def list_settings(option: str = "--", **given: Any) -> ListSettings:
     SettingsError
         An option has an unknown word.
     """
-    from mwd_surface.list_files.list_settings import ListSettings
-
     words = {name: value if isinstance(value, str) else ",".join(value) for name, value in given.items() if value}
     try:
         return settings.changed(ListSettings(), {n: v if n == "columns" else v.lower() for n, v in words.items()})
@@ -512,8 +490,17 @@ def list_settings(option: str = "--", **given: Any) -> ListSettings:
         raise settings.SettingsError(f"{option}{error}") from error
 
 
+def _list_option(field: dataclasses.Field[str]) -> Any:
+    """Return the option for a field of `ListSettings`; one that takes several words may be repeated."""
+    kind = list[str] | None if field.name == "confirm" else str | None
+    option = typer.Option(f"--{field.name.replace('_', '-')}", help=settings.rule_of(field).doc, rich_help_panel="List")
+    return Annotated[kind, option]
+
+
 #: Options for reading a survey list; a command has them as the argument `listed`, of the type `ListSettings`.
-LIST = OptionGroup("listed", list_settings, _LIST_OPTIONS)
+LIST = OptionGroup(
+    "listed", list_settings, {field.name: _list_option(field) for field in dataclasses.fields(ListSettings)}
+)
 
 
 def assigned(changes: Sequence[str] | None, option: str) -> ListSettings:
@@ -533,8 +520,8 @@ def assigned(changes: Sequence[str] | None, option: str) -> ListSettings:
         name = name.strip().replace("-", "_")
         if not equals:
             raise SettingsError(f"{option} {change}: write it as NAME=VALUE, for example {option} confirm=dogleg")
-        if name not in _LIST_OPTIONS:
-            raise SettingsError(unknown_key(name, _LIST_OPTIONS, option))
+        if name not in LIST.options:
+            raise SettingsError(unknown_key(name, LIST.options, option))
         table[name] = [*table.get(name, ()), value] if name == "confirm" else value
     return list_settings(f"{option} ", **table)
 
@@ -553,7 +540,6 @@ def read_plan_option(path: Path | None, changes: Sequence[str] | None, well: Wel
         --plan-set is given without --plan, or has an unknown name or word (SettingsError).
     """
     from mwd_surface.list_files.list_error import ListFileError
-    from mwd_surface.list_files.list_settings import asked
     from mwd_surface.trajectory.plan import read_plan
 
     given = assigned(changes, "--plan-set").given().with_dip(well.angles.points if well is not None else "")

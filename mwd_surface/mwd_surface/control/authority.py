@@ -661,7 +661,7 @@ class ControlAuthority:
                 remaining=max(0.0, owner.ends - now),
             )
 
-    def take_events(self) -> list[str]:
+    def drain_events(self) -> list[str]:
         """Return and clear the events since the last call, as sentences for the log."""
         with self._lock:
             events, self._events = self._events, []

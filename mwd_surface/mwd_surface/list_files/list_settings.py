@@ -40,7 +40,7 @@ class ListSettings:
     angle_unit: str = setting("", "Unit of the angles if the list does not state it: deg, rad or grad.")
     north: str = setting(
         "",
-        "North reference of the azimuths if the list does not state it. Empty: the north that the list states.",
+        "North of the azimuths if the list does not state it: magnetic, true or grid.",
         choices=("", *NORTHS),
     )
     decimal: str = setting(

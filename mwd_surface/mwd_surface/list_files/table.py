@@ -50,6 +50,13 @@ _BOMS = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
+# Encodings in the order in which they are tried, with words of which a text in this encoding has one.
+_ENCODINGS = (
+    ("utf-8", ""),
+    *((encoding, "глубин|азимут|зенит|давлен|время") for encoding in ("cp1251", "cp866", "koi8-r")),
+    ("gb18030", "[深角位距压泵]|时间"),
+    ("cp1252", ""),
+)
 
 # Share of control characters at the beginning of a file above which the file is not a text: random bytes have 10 %,
 # and texts almost none, even if they were recorded from a serial line.
@@ -144,39 +151,36 @@ def _decoded(data: bytes, name: str) -> str:
     ):
         if data.startswith(magic):
             raise ListFileError(f"{name} is {what}")
+    encoding = encoding_of(data)
+    if not data.startswith(tuple(mark for mark, _ in _BOMS)):
+        return data.decode(encoding, errors="replace")
+    try:
+        return data.decode(encoding).replace("\x00", "")
+    except UnicodeDecodeError as error:
+        raise ListFileError(f"{name} begins like {encoding} text, but byte {error.start} is not {encoding}") from error
+
+
+def encoding_of(data: bytes, *, cut: bool = False) -> str:
+    """
+    Return the encoding of a text, by its byte order mark, else the first that fits its bytes and its words.
+
+    cut: whether the bytes are only the beginning of a file, and may end inside a character.
+    """
     for mark, encoding in _BOMS:
         if data.startswith(mark):
-            try:
-                return data.decode(encoding).replace("\x00", "")
-            except UnicodeDecodeError as error:
-                raise ListFileError(
-                    f"{name} begins like {encoding} text, but byte {error.start} is not {encoding}"
-                ) from error
+            return encoding
     # UTF-16 text without a byte order mark has a zero in every second byte.
     for encoding, zeros in (("utf-16-le", data[1:200:2]), ("utf-16-be", data[0:200:2])):
         if len(zeros) > 4 and zeros.count(0) > 0.8 * len(zeros):
-            return data.decode(encoding, errors="replace")
-    try:
-        return data.decode("utf-8")
-    except UnicodeDecodeError:
-        pass
-    try:
-        chinese = data.decode("gb18030")
-        if re.search("[深角位距]", chinese):
-            return chinese
-    except UnicodeDecodeError:
-        pass
-    for encoding in ("cp1251", "cp866", "koi8-r"):
+            return encoding
+    for encoding, words in _ENCODINGS:
         try:
-            russian = data.decode(encoding)
+            text = codecs.getincrementaldecoder(encoding)().decode(data, final=not cut)
         except UnicodeDecodeError:
             continue
-        if re.search("глубин|азимут|зенит", russian, re.IGNORECASE):
-            return russian
-    try:
-        return data.decode("cp1252")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
+        if re.search(words, text, re.IGNORECASE):
+            return encoding
+    return "latin-1"
 
 
 def read_table(path: Path, is_header: Header | None = None, is_unit: Header | None = None) -> Table:

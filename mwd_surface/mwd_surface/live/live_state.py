@@ -45,6 +45,11 @@ _SECTIONS = {section: page_fields(section) for section in ("attitude", "toolface
 _QUANTITIES = {
     signal.name: Quantity(signal.unit, signal.source) for part in _SECTIONS.values() for signal in part.values()
 }
+_WITHHELD = math.radians(45.0)  # sigma of an angle above which the angle is not shown, rad
+# Number of toolfaces on the dial, and shortest time between two of them, s. Readings arrive with jitter, so that one
+# that is 5 % early is accepted.
+_READINGS, _SPACING = 12, 0.95
+_HISTORY_HZ, _TREND_HZ = 1.0, 1.0 / 30.0  # points per second on the strip charts and on the long charts
 # Plausible temperatures, degC: from a tool stored outside in winter to more than the hottest electronics in use.
 _COLDEST, _HOTTEST = -60.0, 250.0
 _ANGLES = tuple(signal.name for signal in _SECTIONS["attitude"].values())
@@ -117,9 +122,9 @@ class LiveState:
         self._selector = ToolfaceSelector()
         periods = {name: float(getattr(self.settings, f"{name}_period")) for name in _STREAMS}
         self._values = LatestValues(_QUANTITIES, periods)
-        self._readings: deque[DialReading] = deque(maxlen=self.settings.readings)
-        self._history = StripHistory(_HISTORY, self.settings.history_seconds, self.settings.history_rate)
-        self._trend = StripHistory(_HISTORY, self.settings.trend_hours * 3600.0, 1.0 / self.settings.trend_step)
+        self._readings: deque[DialReading] = deque(maxlen=_READINGS)
+        self._history = StripHistory(_HISTORY, self.settings.history_seconds, _HISTORY_HZ)
+        self._trend = StripHistory(_HISTORY, self.settings.trend_hours * 3600.0, _TREND_HZ)
         self._log = StripHistory(_LOGGED, self.settings.log_length, 1.0 / self.settings.log_step)
         self._log_depth: float | None = None
         self._sample: Samples | None = None
@@ -206,8 +211,7 @@ class LiveState:
         value = self._values.updated("toolface", now)
         if value is None:
             return
-        # Readings arrive with jitter: accept a reading that is 5 % early.
-        if self._readings and now - self._readings[-1].at < self.settings.reading_spacing * 0.95:
+        if self._readings and now - self._readings[-1].at < _SPACING:
             return
         self._readings.append(DialReading(value, reading.mode, now, reading.rotating, reading.stamp_ns))
 
@@ -408,7 +412,7 @@ class LiveState:
     def _angle(self, name: str, value: float, sigma: float, why: str, now: float) -> None:
         if not math.isfinite(value + sigma):
             self._withhold(name, why, now)
-        elif math.degrees(sigma) > self.settings.withheld_sigma_deg:
+        elif sigma > _WITHHELD:
             self._withhold(name, f"sigma {math.degrees(sigma):.0f} deg" if why == _NOT_KNOWN else why, now)
         else:
             self._put(name, value, sigma, now)

@@ -10,7 +10,6 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.list_settings import ListSettings
 from mwd_surface.live.source_selection import SourceRules
 from mwd_surface.surveys.recorded_settings import SurfacePart
-from mwd_surface.surveys.station_quality import QualityLimits
 from mwd_surface.trajectory.advice import AdvisorySettings
 from mwd_surface.trajectory.slide_sheet import SlideRules
 
@@ -38,34 +37,11 @@ class LiveSettings:
     interference_period: float = _period_setting(1.0, "estimates of the magnetic interference")
     recorder_period: float = _period_setting(1.0, "reports of the recorder")
     sonde_period: float = _period_setting(0.5, "raw samples of the sonde")
-    withheld_sigma_deg: float = setting(
-        45.0,
-        "Sigma of an angle above which the page does not show the angle. Raising it shows less certain angles.",
-        low=1.0,
-        high=180.0,
-    )
-    readings: int = setting(
-        12, "Number of toolfaces on the dial, the newest included. Raising it shows a longer history.", low=1, high=60
-    )
-    reading_spacing: float = setting(
-        1.0,
-        "Shortest time between two toolfaces on the dial. Raising it spreads the same number of toolfaces over a "
-        "longer time.",
-        unit="s",
-        low=0.0,
-    )
     history_seconds: float = setting(
         600.0,
         "Time range of the strip charts. Raising it costs memory and data volume to each browser.",
         low=10.0,
         high=7200.0,
-    )
-    history_rate: float = setting(
-        1.0,
-        "Number of points per second on the strip charts. Raising it costs memory and data volume to each browser.",
-        unit="Hz",
-        low=0.1,
-        high=5.0,
     )
     trend_hours: float = setting(
         24.0,
@@ -73,13 +49,6 @@ class LiveSettings:
         unit="h",
         low=0.1,
         high=72.0,
-    )
-    trend_step: float = setting(
-        30.0,
-        "Time between two points of the long charts. Lowering it costs memory and data volume to each browser.",
-        unit="s",
-        low=1.0,
-        high=600.0,
     )
     log_step: float = setting(
         0.5,
@@ -102,7 +71,6 @@ class LiveSettings:
         low=10,
         high=10000,
     )
-    limits: QualityLimits = setting(QualityLimits)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,6 +121,4 @@ class WellSettings(SurfacePart):
     advisory: AdvisorySettings = setting(AdvisorySettings, "The advice on steering.")
     rig_sources: SourceRules = setting(SourceRules, "Arbitration of several sources of rig data.")
     slides: SlideRules = setting(SlideRules, "The slide sheet.")
-    live: LiveSettings = setting(
-        LiveSettings, "Expected message intervals, chart ranges and quality limits of the page."
-    )
+    live: LiveSettings = setting(LiveSettings, "Expected message intervals, and chart ranges of the page.")

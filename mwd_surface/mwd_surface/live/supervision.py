@@ -18,6 +18,7 @@ from mwd_sensors.core.arrays import Samples
 from mwd_surface.live.alarms import Causes, Severity
 from mwd_surface.live.inputs import DISAGREEMENT
 from mwd_surface.live.well_context import WellContext
+from mwd_surface.surveys.depth import CLOCK_LIMIT
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,7 +119,7 @@ TABLE = (
         "clock.rig",
         "rig data",
         "the clocks of rig and sonde differ by {value:.0f} s",
-        20.0,
+        CLOCK_LIMIT,
         5.0,
         Severity.WARNING,
         "synchronise both clocks, or set the depth by hand",

@@ -154,7 +154,7 @@ class ControlServer:
         authority.on_mwd(self._live.streams(well_now)["estimator"].state == Freshness.LIVE)
         for point in authority.update(now):
             self._commands.publish(self._command_message(point))
-        for text in authority.take_events():
+        for text in authority.drain_events():
             self._context.alarm_log.log_event("control", text)
         self._show(authority.status(now), now)
 

@@ -218,8 +218,8 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         the pressure taken after them could be newer than the newest strokes.
         """
         self._read_line()
-        arrived = [one.buffer.take() if one.buffer is not None else [] for one in self._inputs]
-        for data, _ in self._strokes.take() if self._strokes is not None else ():
+        arrived = [one.buffer.drain() if one.buffer is not None else [] for one in self._inputs]
+        for data, _ in self._strokes.drain() if self._strokes is not None else ():
             self._take_strokes(deserialize_message(data, msg.StrokeBurst))
         for one, messages in zip(self._inputs, arrived, strict=True):
             self._take_bursts(one, messages)

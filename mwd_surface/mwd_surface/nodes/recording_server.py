@@ -267,7 +267,7 @@ class RecordingServer:
             text = f"{status.dropped} messages were not recorded"
             causes["recorder.dropped"] = (Severity.WARNING, text, _FASTER)
         self._alarm_log.set_alarms("recorder.", causes)
-        for event in self._recorder.take_events():
+        for event in self._recorder.drain_events():
             self._alarm_log.log_event("recorder", event.text, _SEVERITIES[event.level])
 
     def status(self) -> RecorderStatus:

@@ -157,7 +157,7 @@ class TopicRouter:
         """Route the waiting stream messages in the order in which they were received."""
         taken = []
         for buffer, route in self._streams:
-            messages = buffer.take()
+            messages = buffer.drain()
             if messages:
                 taken += [(received_ns, route, data) for data, received_ns in messages]
         taken.sort(key=_RECEIVED_NS)

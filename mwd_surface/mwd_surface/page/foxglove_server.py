@@ -32,13 +32,6 @@ class FoxgloveSettings:
     allow_network: bool = setting(
         False, "Allow a host that other machines can reach. Without it only loopback addresses are accepted."
     )
-    backlog: int = setting(
-        1024,
-        "Largest number of messages that wait for one client; beyond it the oldest are dropped. Raise it for a "
-        "slow network; it costs memory.",
-        low=16,
-        high=1_000_000,
-    )
 
 
 class FoxgloveServer:
@@ -112,7 +105,6 @@ class FoxgloveServer:
                 context=self._context,
                 capabilities=[self._sdk.websocket.Capability.Time] if self._simulated_clock else [],
                 server_listener=self._listener(),
-                message_backlog_size=settings.backlog,
             )
         except (RuntimeError, OSError, ValueError) as error:
             self._channels, self._context = {}, None

@@ -33,7 +33,7 @@ from mwd_surface.live.well_state import Chart, WellState
 from mwd_surface.logs.depth_log import Curve
 from mwd_surface.signals.table import LISTED, Signal, page_fields
 from mwd_surface.surveys.azimuth_source import azimuth_source
-from mwd_surface.surveys.station_quality import QualityLimits, totals
+from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_csv import Line
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
 from mwd_surface.trajectory.plan import Plan
@@ -207,12 +207,8 @@ COLUMNS = [
 ]
 
 
-def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None = None) -> dict[str, Any]:
-    """
-    Return one row of the survey table; the azimuth is from `north` if possible, else from the survey's own north.
-
-    limits: limits of the totals, used if the survey has none.
-    """
+def survey_row(record: SurveyRecord, north: North) -> dict[str, Any]:
+    """Return one row of the survey table; the azimuth is from `north` if possible, else from the survey's own north."""
     s, line = record.survey, Line(record, north)
     word, by = _verdict(record)
     return {
@@ -228,7 +224,7 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
         "first": _other_value(record.replaced, line.north),
         "revised": _other_value(record.proposal, line.north),
         "alternatives": _alternatives(s, line.north),
-        "totals": _lights(s, limits),
+        "totals": _lights(s),
         "disturbances": [[words, number(odds)] for words, odds in s.disturbances],
         "verdict": word,
         "accepted_by": by,
@@ -270,21 +266,21 @@ def _verdict(record: SurveyRecord) -> tuple[str, str]:
     return {Verdict.ACCEPT: "waiting", Verdict.DOUBTFUL: "doubtful", Verdict.REJECT: "rejected"}[automatic], "automatic"
 
 
-def _lights(s: Survey, limits: QualityLimits | None) -> list[dict[str, Any]]:
+def _lights(s: Survey) -> list[dict[str, Any]]:
     # The page shows the judged value, not the value as read.
-    return [{name: one for name, one in plain(total).items() if name != "read"} for total in totals(s, limits)]
+    return [{name: one for name, one in plain(total).items() if name != "read"} for total in totals(s)]
 
 
-def quality_lights(record: SurveyRecord, limits: QualityLimits, north: North = North.UNKNOWN) -> dict[str, Any]:
+def quality_lights(record: SurveyRecord, north: North = North.UNKNOWN) -> dict[str, Any]:
     """
     Return the quality of a survey: verdicts, totals, and alternative azimuths.
 
-    limits: limits of the totals, used if the survey has none. north: north of the azimuths, if possible.
+    north: north of the azimuths, if possible.
     """
     s = record.survey
     line = Line(record, north)
     return {
-        "lights": _lights(s, limits),
+        "lights": _lights(s),
         "verdict": Verdict(s.verdict).name.lower(),
         "verdicts": list(s.verdicts),
         "headline": s.action,
@@ -454,11 +450,11 @@ class StateJson:
         last = max(state.surveys.records, key=lambda r: r.survey.stamp_ns, default=None)
         if last is None:
             return None
-        return quality_lights(last, self._settings.limits, North[state.well.north_reference.upper()])
+        return quality_lights(last, North[state.well.north_reference.upper()])
 
     def _surveys(self, state: WellState, most: int) -> Table:
         records, north = state.surveys.records, North[state.well.north_reference.upper()]
-        rows = [survey_row(record, north, self._settings.limits) for record in records[-most:]]
+        rows = [survey_row(record, north) for record in records[-most:]]
         remarks = list(sentences(state.surveys.remarks))
         return {"columns": COLUMNS, "rows": rows, "left_out": len(records) - len(rows), "remarks": remarks}
 

@@ -70,11 +70,12 @@ class SteadyTimes:
             if (np.abs(steps) <= STEP_S).all() and time.min() >= self._last - STEP_S:
                 self._last = max(self._last, float(time.max()))
                 return time - self._ahead, rows
-        taken = [pair for at, one in zip(time.tolist(), rows.tolist(), strict=True) for pair in self._take(at, one)]
+        pairs = zip(time.tolist(), rows.tolist(), strict=True)
+        taken = [pair for at, one in pairs for pair in self._confirmed(at, one)]
         found = np.array(taken, dtype=float).reshape(-1, 2)
         return found[:, 0], found[:, 1]
 
-    def _take(self, at: float, value: float) -> list[tuple[float, float]]:
+    def _confirmed(self, at: float, value: float) -> list[tuple[float, float]]:
         """Add a sample, unless its time is not finite; return times and values of the samples now confirmed."""
         if not np.isfinite(at):
             return []

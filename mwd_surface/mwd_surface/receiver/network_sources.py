@@ -22,7 +22,8 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files.number_cells import is_null, split, value
-from mwd_surface.receiver import json_columns, pressure_table, table_times
+from mwd_surface.receiver import json_columns, pressure_columns, table_times
+from mwd_surface.receiver.gauge_scale import PRESSURES, in_pascal
 from mwd_surface.receiver.sources import MOST_AT_ONCE
 from mwd_surface.rig.wits import format as wits
 
@@ -159,7 +160,7 @@ class LineSource(_OfStream):
     Parameters
     ----------
     columns : mapping of str
-        Columns as `pressure_table.columns_of` reads them, by number or by the name in a first line; if empty, a first
+        Columns as `pressure_columns.columns_of` reads them, by number or by the name in a first line; if empty, a first
         line must name time and pressure with their units. Without a time, the time of arrival counts.
     clock : callable
         Returns the present time, s.
@@ -168,7 +169,7 @@ class LineSource(_OfStream):
     def __init__(self, stream: _Bytes, columns: Mapping[str, str], clock: Callable[[], float]) -> None:
         self._stream, self._said, self._arrivals = stream, dict(columns), _Arrivals(clock)
         self._open, self._breaks = b"", 0
-        pressure_table.live_columns([], self._said)
+        pressure_columns.live_columns([], self._said)
         self._head: list[str] = []
         self._format: _Format | None = None
         # Keys of the JSON records, the header of the table made from them; None if the lines are not JSON.
@@ -226,12 +227,12 @@ class LineSource(_OfStream):
         begins = self._format is None
         if self._names is None and not (begins and all(json_columns.is_json(line) for line in lines)):
             return lines
-        rows = [pressure_table.untagged(row) for line in lines for row in json_columns.cells_of(line)]
+        rows = [pressure_columns.untagged(row) for line in lines for row in json_columns.cells_of(line)]
         if self._names is None:
             self._names = list(dict.fromkeys(name for row in rows for name in row))
         cells = [[row.get(name, "").replace("\t", " ") for name in self._names] for row in rows]
         # If the caller gives the numbers of the columns, there is no line of names.
-        named = begins and pressure_table.live_columns([], self._said) is None
+        named = begins and pressure_columns.live_columns([], self._said) is None
         return ["\t".join(row) for row in ([self._names, *cells] if named else cells)]
 
     def _tell(self, lines: list[str], known: Array) -> None:
@@ -265,9 +266,9 @@ class _Format:
     def __init__(self, lines: list[str], said: Mapping[str, str]) -> None:
         self._separator = _separator(lines)
         self.names = 0  #: number of lines above the first row
-        layout = pressure_table.live_columns([], said)
+        layout = pressure_columns.live_columns([], said)
         while layout is None and self.names < len(lines):
-            layout = pressure_table.live_columns(self._cells(lines[self.names]), said)
+            layout = pressure_columns.live_columns(self._cells(lines[self.names]), said)
             self.names += 1
         if layout is None:
             raise ValueError(
@@ -278,14 +279,14 @@ class _Format:
         rows = [self._cells(line) for line in lines[self.names :]]
         every = [cell for row in rows for cell in row]
         decimal = said.get("decimal", "")
-        self._mark = pressure_table.mark_of(_column(rows, layout.pressure), every, layout.unit, decimal)
+        self._mark = pressure_columns.mark_of(_column(rows, layout.pressure), every, layout.unit, decimal)
         self._time_mark = self._mark
         self._stamps: table_times.Stamps | None = None
         if layout.time is not None:
             cells = [cell for cell in _column(rows, layout.time) if cell]
             # If the decimal mark of the times is ambiguous, use the mark of the pressure.
             with contextlib.suppress(ValueError):
-                self._time_mark = pressure_table.mark_of(cells, every, layout.time_unit, decimal)
+                self._time_mark = pressure_columns.mark_of(cells, every, layout.time_unit, decimal)
             numbers = _numbers(cells, self._time_mark, layout.time_unit)
             try:
                 self._stamps = table_times.Stamps(cells, numbers, layout.time_unit)
@@ -299,7 +300,7 @@ class _Format:
         """Return times since the first row, s (None without times), and pressures, Pa; NaN where unknown."""
         rows = [self._cells(line) for line in lines]
         numbers = _numbers(_column(rows, self._layout.pressure), self._mark, self._layout.unit)
-        pressure, _ = pressure_table.in_pascal(numbers, self._layout.unit, self._layout.name)
+        pressure, _ = in_pascal(numbers, self._layout.unit, self._layout.name)
         if self._stamps is None or self._layout.time is None:
             return None, pressure
         cells = _column(rows, self._layout.time)
@@ -342,7 +343,7 @@ class WitsSource(_OfStream):
             self._wrong = ""
         elif frames and not self._wrong:
             self._wrong = f"the frames of WITS have no item {self._code:04d} yet"
-        pressure, _ = pressure_table.in_pascal(np.array(values, dtype=float), self._unit)
+        pressure, _ = in_pascal(np.array(values, dtype=float), self._unit)
         known = np.isfinite(pressure)
         return self._arrivals.times(int(known.sum())), pressure[known]
 
@@ -385,7 +386,7 @@ class OpcUaSource:
         table = np.array(rows, dtype=float).reshape(-1, 2)
         if len(table) and math.isnan(self._first):
             self._first = float(table[0, 0])
-        pressure, _ = pressure_table.in_pascal(table[:, 1], self._unit)
+        pressure, _ = in_pascal(table[:, 1], self._unit)
         known = np.isfinite(pressure)
         return table[known, 0] - self._first, pressure[known]
 
@@ -464,9 +465,9 @@ def _named(columns: Mapping[str, str], what: str, usual: str) -> tuple[str, str]
     """
     key, name = next(((key, name) for key, name in columns.items() if key.startswith("pressure")), ("", usual))
     unit = key.partition("_")[2]
-    if unit not in pressure_table.PRESSURES:
+    if unit not in PRESSURES:
         raise ValueError(
             f"--columns: name {what} with the unit of its pressure, such as pressure_bar={name or 'ns=2;s=SPP'}; units:"
-            f" {', '.join(pressure_table.PRESSURES)}"
+            f" {', '.join(PRESSURES)}"
         )
     return name, unit

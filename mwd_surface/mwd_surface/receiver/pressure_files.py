@@ -17,12 +17,10 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import read_file
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
+from mwd_surface.receiver.gauge_scale import FULL_SCALE_PA
 from mwd_surface.receiver.lone_stamps import lone
 
 _RECORDINGS = (".mcap", ".db3", ".bag", ".zstd", ".lz4")
-# Pressure of a WAV sample at full scale, Pa. WAV samples are fractions of full scale; with this value they are far
-# above any rounding.
-_WAV_FULL_SCALE = 1.0e7
 # Longest pause of a recording, s; a longer pause means that the clock was set.
 _LONGEST_GAP_S = 86400.0
 # Longest usual time between samples, s. A gauge for pulses samples at least ten times per second; this limit only
@@ -65,7 +63,7 @@ def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse", c
     link : str
         mud_pulse, em or coil: the link to read from a recording.
     columns : str
-        Columns of a table, as `pressure_table.columns_of` reads them.
+        Columns of a table, as `pressure_columns.columns_of` reads them.
 
     Raises
     ------
@@ -89,9 +87,9 @@ def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse", c
         second = "standpipe_2" if gauge == 2 else ""
         time, pressure, strokes, origin = recorded_link.read(path, link, topic or second)
     else:
-        from mwd_surface.receiver import pressure_table
+        from mwd_surface.receiver import pressure_columns, pressure_table
 
-        time, pressure, origin, said = pressure_table.read_pressure(path, gauge, pressure_table.columns_of(columns))
+        time, pressure, origin, said = pressure_table.read_pressure(path, gauge, pressure_columns.columns_of(columns))
     known = np.isfinite(time) & np.isfinite(pressure)
     wrong = np.zeros_like(known)
     wrong[known] = lone(time[known])
@@ -206,7 +204,7 @@ def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
         one -= 128.0
     # 24-bit samples come in the upper bits of 32; floats are already fractions of full scale.
     full = 1.0 if samples.dtype.kind == "f" else 2.0 ** (8 * samples.dtype.itemsize - 1)
-    return np.arange(len(one)) / rate, one * (_WAV_FULL_SCALE / full), "start of the WAV file"
+    return np.arange(len(one)) / rate, one * (FULL_SCALE_PA / full), "start of the WAV file"
 
 
 def _notes(time: Array, pressure: Array) -> tuple[str, ...]:

@@ -22,12 +22,10 @@ import serial  # type: ignore[import-untyped]
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
+from mwd_surface.receiver.gauge_scale import FULL_SCALE_PA, GaugeSignal
 
 _EMPTY = np.zeros(0)
-# NAMUR NE 43: a current outside this range signals a failed gauge.
-_FAILED_MA = (3.6, 21.0)
 _RETRY_S = 2.0  # time between two attempts to connect, s
-WAV_FULL_SCALE_PA = 1.0e7  # pressure of a WAV sample at full scale, Pa
 
 
 class SampleSource(Protocol):
@@ -81,9 +79,8 @@ class GaugeSettings:
 def gauge_pressure(settings: GaugeSettings, count: int) -> float:
     """Return the pressure of a register value, Pa; NaN if the current signals a failed gauge."""
     share = (count - settings.count_4_ma) / (settings.count_20_ma - settings.count_4_ma)
-    if not _FAILED_MA[0] <= 4.0 + 16.0 * share <= _FAILED_MA[1]:
-        return math.nan
-    return settings.pressure_4_ma + share * (settings.pressure_20_ma - settings.pressure_4_ma)
+    scale = GaugeSignal(low_pa=settings.pressure_4_ma, high_pa=settings.pressure_20_ma)
+    return float(scale.pressure(np.array(scale.low + share * (scale.high - scale.low))))
 
 
 class ModbusGauge:
@@ -125,11 +122,11 @@ class ModbusGauge:
         period = 1.0 / self._settings.rate_hz
         due = self._clock()
         while not self._stop.is_set():
-            self._take()
+            self._read_register()
             due = max(due + period, self._clock() - period)
             self._stop.wait(_RETRY_S if self.failure else max(due - self._clock(), 0.0))
 
-    def _take(self) -> None:
+    def _read_register(self) -> None:
         from pymodbus.exceptions import ModbusException
 
         where, settings = f"{self._settings.host}:{self._settings.port}", self._settings
@@ -246,7 +243,7 @@ class WavStream:
         one = shares.reshape(-1, self._form.channels)[:, 0]
         time = (self._count + np.arange(len(one))) / self._form.rate
         self._count += len(one)
-        return time, one * WAV_FULL_SCALE_PA
+        return time, one * FULL_SCALE_PA
 
     def close(self) -> None:
         """Stop reading; the descriptor stays open."""

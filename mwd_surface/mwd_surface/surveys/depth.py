@@ -23,6 +23,8 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.list_checks import DEEPEST
 
 NS = 1e-9
+#: Largest difference between the clocks of rig and sonde with which surveys get a depth from the rig, s.
+CLOCK_LIMIT = 20.0
 _REMEMBERED = 100  # number of rejected readings, and of jumps, that are kept to judge the depth of a survey
 # Number of latest readings used to compare the clocks of rig and sonde; the difference of smallest magnitude counts
 _COMPARED = 60
@@ -68,14 +70,6 @@ class DepthRules(DepthJumpRules):
         "interpolates over gaps in which the string may have moved unevenly.",
         unit="s",
         low=0.1,
-    )
-    clock_limit: float = setting(
-        20.0,
-        "Largest difference between the clocks of rig and sonde, estimated from the order in which their data arrive. "
-        "With a larger difference surveys get no depth from the rig. Raise it for rig data that arrive later than "
-        "this.",
-        unit="s",
-        low=1.0,
     )
     history: int = setting(
         36000,
@@ -314,9 +308,9 @@ class DepthTrack:
         return ""
 
     def _clock_doubt(self) -> str:
-        """Return a sentence if the clocks of rig and sonde differ by more than `rules.clock_limit`; otherwise empty."""
+        """Return a sentence if the clocks of rig and sonde differ by more than `CLOCK_LIMIT`; otherwise empty."""
         apart = self.clock_difference or 0.0
-        if abs(apart) <= self.rules.clock_limit:
+        if abs(apart) <= CLOCK_LIMIT:
             return ""
         way = "ahead of" if apart > 0.0 else "behind"
         return f"the clock of the rig is {abs(apart):.0f} s {way} that of the sonde: set one of them, {_BY_HAND}"

@@ -15,43 +15,14 @@ import math
 import numpy as np
 
 from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.survey.quality_settings import LIMITS, REJECT_FACTOR
 from mwd_estimation.survey.survey import STATIC, Survey, Verdict
-from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.azimuth_source import azimuth_source
 
 GOOD, DOUBTFUL, REJECT = "good", "doubtful", "reject"
 NO_REFERENCE, NOT_MEASURED = "no reference", "not measured"
-
-
-@dataclasses.dataclass(frozen=True)
-class QualityLimits:
-    """Tolerances of the totals for the quality lights, used if a survey has no limits of its own."""
-
-    gravity: float = setting(
-        0.0245,
-        "Largest difference of total gravity from the reference that counts as good. Raising it accepts worse "
-        "stations.",
-        unit="m/s^2",
-        low=0.0,
-    )
-    field_nt: float = setting(
-        300.0,
-        "Largest difference of the total magnetic field from the reference that counts as good. Raising it accepts "
-        "worse stations.",
-        low=0.0,
-    )
-    dip_deg: float = setting(
-        0.45,
-        "Largest difference of the magnetic dip from the reference that counts as good. Raising it accepts worse "
-        "stations.",
-        low=0.0,
-    )
-    reject_factor: float = setting(
-        1.5,
-        "A station beyond gravity, field_nt or dip_deg shows as doubtful, and beyond this multiple of that limit as "
-        "rejected. Raising it shows more stations as doubtful instead of rejected.",
-        low=1.0,
-    )
+# Limits of gravity, m/s^2, field, T, and dip, rad, of a survey that has no limits of its own.
+_USUAL = LIMITS["service"].tolist()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,9 +40,9 @@ class Total:
     corrected: bool  #: whether `value` excludes the string's field
 
 
-def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, Total, Total]:
-    """Return total gravity, total field and dip of a survey; `limits` apply if the survey has no limits of its own."""
-    s, usual = survey, limits or QualityLimits()
+def totals(survey: Survey) -> tuple[Total, Total, Total]:
+    """Return total gravity, total field and dip of a survey."""
+    s = survey
     magnetic = math.isfinite(s.b_total)
     reference = magnetic and s.has_reference
     gravity = s.g_total if s.has_readings else None
@@ -82,16 +53,15 @@ def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, 
         ("dip", "rad", *((s.dip, dip) if magnetic else (None, None)), s.dip_reference if reference else None),
     )
     own = zip((s.g_deviation, s.b_deviation, s.dip_deviation), (s.g_limit, s.b_limit, s.dip_limit), strict=True)
-    set_ = (usual.gravity, usual.field_nt * 1e-9, math.radians(usual.dip_deg))
     found = []
-    for (name, unit, read, value, wanted), (off, mine), default in zip(rows, own, set_, strict=True):
+    for (name, unit, read, value, wanted), (off, mine), default in zip(rows, own, _USUAL, strict=True):
         limit = mine if math.isfinite(mine) else default
         away = None if value is None or wanted is None else value - wanted
         if away is not None and math.isfinite(off):
             # Use the deviation that the verdict used. For example, gravity is compared with standard gravity if the
             # tool was calibrated with that value.
             away = off
-        light = NOT_MEASURED if value is None else _light(away, limit, usual.reject_factor)
+        light = NOT_MEASURED if value is None else _light(away, limit)
         of_string = corrected and name != "total gravity"
         found.append(Total(name, unit, read, value, wanted, away, limit, light, of_string))
     return found[0], found[1], found[2]
@@ -108,10 +78,10 @@ def _earth_field(s: Survey) -> tuple[float, float, bool]:
     return float(np.linalg.norm(b_t)), float(magnetic_geometry.dip(np.array(s.specific_force), b_t)), True
 
 
-def _light(deviation: float | None, limit: float, reject_factor: float) -> str:
+def _light(deviation: float | None, limit: float) -> str:
     if deviation is None or not math.isfinite(deviation):
         return NO_REFERENCE
     size = abs(deviation)
     if size <= limit:
         return GOOD
-    return DOUBTFUL if size <= reject_factor * limit else REJECT
+    return DOUBTFUL if size <= REJECT_FACTOR * limit else REJECT

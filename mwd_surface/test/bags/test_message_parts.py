@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.core import wire
-from mwd_surface.bags.message_parts import NEVER, Decoded, blocks_of, one_array, part_of, rows_at
+from mwd_surface.bags.message_parts import NEVER, blocks_of, part_of, rows_at
 
 LOGGED = st.lists(st.integers(0, 30), min_size=1, max_size=40)
 
@@ -42,19 +42,6 @@ def test_a_split_part_is_whole_together_and_apart_at_the_mark(log_ns, mark):
     assert [*early.offset, *late.offset] == part.offset.tolist()
     assert (early.log_ns < mark).all()
     assert (late.log_ns >= mark).all()
-
-
-@given(one=LOGGED, other=LOGGED, mark=st.integers(-1, 31))
-def test_split_samples_of_two_topics_are_whole_together_and_apart_at_the_mark(one, other, mark):
-    first, second = piece(one), piece(other)
-    whole = Decoded((0, 0), [("a", *first), ("b", first[0], [b"x"] * len(one)), ("a", *second)])
-    early, late = whole.split(mark)
-    assert len(early) + len(late) == len(whole) == 2 * len(one) + len(other)
-    assert all(len(log_ns) == len(found) and (log_ns < mark).all() for _, log_ns, found in early.samples)
-    assert all(len(log_ns) == len(found) and (log_ns >= mark).all() for _, log_ns, found in late.samples)
-    kept = [found for half in (early, late) for name, _, found in half.samples if name == "a"]
-    joined = np.sort(one_array(kept), order=("stamp_ns", "temperature"))
-    assert joined.tobytes() == np.sort(one_array([first[1], second[1]]), order=("stamp_ns", "temperature")).tobytes()
 
 
 @given(

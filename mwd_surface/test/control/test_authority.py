@@ -202,7 +202,7 @@ def test_a_person_grants_denies_and_takes_back_and_the_log_has_the_name():
     assert not command(authority, SetPoint(Mode.HOLD, lease, 1), 1.0)[0]
     authority.request(asks("other"), 2.0)
     assert authority.judge(ControlJudgement.DENY, "driller", 3.0)[0]
-    log = " | ".join(authority.take_events())
+    log = " | ".join(authority.drain_events())
     assert "granted by toolpusher" in log
     assert "driller took control back: pick up" in log
     assert "driller denied control to other" in log

@@ -26,7 +26,7 @@ def test_the_person_who_grants_the_command_grants_the_control_it_needs(authority
     assert rig.ask(True, 9.0, 0.1) == ""
     assert [point.mode for point in authority.update(0.2)][:1] == [Mode.ROTATE]
     assert authority.status(0.2).owner == "downlink"
-    assert "Bo" in " ".join(authority.take_events())
+    assert "Bo" in " ".join(authority.drain_events())
     rig.release(0.3, "sent")
     assert not rig.has
     assert authority.status(0.4).owner == ""

@@ -19,7 +19,6 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.export import FORMATS, ExportError, export_file
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.page.state_json import path_table, quality_lights, survey_row
-from mwd_surface.surveys.station_quality import QualityLimits
 from mwd_surface.trajectory.plan import plan_of
 
 W = "{http://www.witsml.org/schemas/1series}"
@@ -129,7 +128,7 @@ def test_verdicts_and_quality_agree_in_all_exports_and_on_the_page(files):
         names = ("verdict_inclination", "verdict_azimuth", "verdict_toolface")
         assert words == shown["verdicts"] == [row[name].replace("_", " ") for name in names]
         assert row["headline"] == shown["headline"]
-        lights = {light["name"]: light for light in quality_lights(record, QualityLimits())["lights"]}
+        lights = {light["name"]: light for light in quality_lights(record)["lights"]}
         field, gravity, dip = lights["total field"], lights["total gravity"], lights["dip"]
         assert same(line["ΔB"], field["deviation"] * 1e9, 0)
         assert same(line["ΔG"], gravity["deviation"] / STANDARD_GRAVITY * 1e3, 2)

@@ -25,7 +25,7 @@ S = 10**9
 BEGIN = 1_795_800_000 * S
 # Short histories are full after minutes; their budgets are these settings.
 SMALL = WellSettings(
-    live=LiveSettings(history_seconds=60.0, trend_hours=0.1, trend_step=10.0, log_length=10.0),
+    live=LiveSettings(history_seconds=60.0, trend_hours=0.1, log_length=10.0),
     depth=DepthRules(history=50),
 )
 LAYOUTS = {

@@ -82,14 +82,14 @@ def test_interference_that_is_not_observable_is_no_data_and_not_zero():
 
 
 def test_the_dial_keeps_the_last_readings_at_their_spacing_with_their_mode():
-    state = LiveState(LiveSettings(readings=3, reading_spacing=1.0))
-    for k in range(60):
+    state = LiveState()
+    for k in range(160):
         state.on_attitude(attitude(toolface=0.01 * k), k * 0.1)
-    toolface = state.at(5.9).toolface
-    assert [r.at for r in toolface.readings] == pytest.approx([3.0, 4.0, 5.0])
+    toolface = state.at(15.9).toolface
+    assert [r.at for r in toolface.readings] == pytest.approx(range(4, 16))
     assert {r.mode for r in toolface.readings} == {GRAVITY}
-    assert toolface.angle.value == pytest.approx(0.59)
-    assert state.toolface_reading.angle == pytest.approx(0.59)
+    assert toolface.angle.value == pytest.approx(1.59)
+    assert state.toolface_reading.angle == pytest.approx(1.59)
 
 
 def test_a_toolface_from_another_source_is_shown_with_its_own_mode():

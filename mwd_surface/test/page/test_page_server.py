@@ -19,6 +19,7 @@ from aiohttp import web
 from example_live import ShownState
 from hypothesis import given
 from hypothesis import strategies as st
+from waiting import eventually
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.settings import flat
@@ -93,7 +94,7 @@ def raw_watcher(server, **options):
         b"GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
         b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
     )
-    until(lambda: server.clients == 1)
+    eventually(lambda: server.clients == 1)
     return watcher
 
 
@@ -122,13 +123,6 @@ async def sections_until(ws, name):
         message = json.loads((await ws.receive()).data)
         if name in message["sections"]:
             return message
-
-
-def until(condition, seconds=30.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        threading.Event().wait(0.01)
 
 
 def test_the_page_and_all_it_needs_come_from_here_under_a_strict_policy():
@@ -287,7 +281,7 @@ def test_a_watcher_that_reads_nothing_is_dropped_without_memory_growing_or_other
             server.push({"now": 0.0, "sections": {"a": big}, "revisions": {"a": revision}})
             return server.clients == 0
 
-        until(gone)
+        eventually(gone)
         lazy.close()
         server.push(state.snapshot(0.0))
         assert ask(server, "/state.json")[0] == 200
@@ -315,7 +309,7 @@ def test_a_watcher_that_sends_frames_without_end_is_cut(kind):
 
             with pytest.raises(OSError, match=r"reset|[Bb]roken"):
                 send_on()
-            until(lambda: server.clients == 0)
+            eventually(lambda: server.clients == 0)
         assert ask(server)[0] == 200
 
 

@@ -13,8 +13,9 @@ from example_surveys import NO_AZIMUTH
 
 from mwd_estimation.core.north import North
 from mwd_estimation.survey.survey import Verdict
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.page import state_json
-from mwd_surface.page.state_json import QualityLimits, path_table, quality_lights, survey_row
+from mwd_surface.page.state_json import path_table, quality_lights, survey_row
 from mwd_surface.signals.table import SURVEY_TABLE
 from mwd_surface.surveys.survey_list import SurveyList
 
@@ -50,7 +51,7 @@ def test_a_row_has_the_verdict_of_each_quantity_the_reason_to_act_on_and_other_a
     ((azimuth, odds),) = row["alternatives"]
     assert ((azimuth - row["azimuth"]) % math.tau, odds) == pytest.approx((1.0, 0.2))
     assert row["disturbances"] == [["steel outside the string", 0.9], ["nothing beyond the tool code", 0.1]]
-    quality = quality_lights(record, QualityLimits())
+    quality = quality_lights(record)
     assert (quality["headline"], quality["reasons"][0]) == ("External field: use a gyro", "total field 380 nT over")
 
 
@@ -59,14 +60,14 @@ def test_a_survey_without_magnetometer_depth_or_azimuth_shows_gaps_not_minus_one
     (record,) = SurveyList().add(bare).records
     row = survey_row(record, North.TRUE)
     assert [row[k] for k in ("measured_depth", "azimuth", "sigma_azimuth", "b_total", "dip")] == [None] * 5
-    lights = {light["name"]: light["light"] for light in quality_lights(record, QualityLimits())["lights"]}
+    lights = {light["name"]: light["light"] for light in quality_lights(record)["lights"]}
     assert lights == {"total gravity": "good", "total field": "not measured", "dip": "not measured"}
 
 
 @pytest.mark.parametrize(("off_nt", "light"), [(0.0, "good"), (-299.0, "good"), (301.0, "doubtful"), (460.0, "reject")])
 def test_the_lights_follow_the_limits(off_nt, light):
     (record,) = listed(survey(1, b_total=B + off_nt * 1e-9)).records
-    field = quality_lights(record, QualityLimits())["lights"][1]
+    field = quality_lights(record)["lights"][1]
     assert field["light"] == light
     assert field["deviation"] == pytest.approx(off_nt * 1e-9, abs=1e-12)
     assert field["limit"] == pytest.approx(300e-9)
@@ -86,26 +87,26 @@ def test_the_path_comes_with_its_projection_and_ellipses_of_ten_stations_at_most
 def test_the_lights_stand_by_the_limits_of_the_verdict():
     own = {"g_limit": 0.0108, "b_limit": 520e-9, "dip_limit": 0.0082}
     (record,) = listed(survey(1, b_total=B + 380e-9, **own)).records
-    gravity, field, dip = quality_lights(record, QualityLimits())["lights"]
+    gravity, field, dip = quality_lights(record)["lights"]
     assert [gravity["limit"], field["limit"], dip["limit"]] == [0.0108, 520e-9, 0.0082]
     assert field["light"] == "good"
     (record,) = listed(survey(1, b_total=B + 600e-9, **own, verdict=int(Verdict.DOUBTFUL))).records
-    assert quality_lights(record, QualityLimits())["lights"][1]["light"] == "doubtful"
+    assert quality_lights(record)["lights"][1]["light"] == "doubtful"
 
 
 def test_words_of_a_verdict_move_no_light():
     words = ("within limits: total field +380 nT off the reference (limit 520 nT)",)
     (record,) = listed(survey(1, b_total=B + 380e-9, reasons=words)).records
-    field = quality_lights(record, QualityLimits())["lights"][1]
+    field = quality_lights(record)["lights"][1]
     assert (field["limit"], field["light"]) == (pytest.approx(300e-9), "doubtful")
 
 
 def test_a_limit_that_is_not_known_leaves_the_usual_one():
     (record,) = listed(survey(1, g_limit=math.nan, b_limit=520e-9)).records
-    gravity, field, dip = quality_lights(record, QualityLimits())["lights"]
-    assert gravity["limit"] == QualityLimits().gravity
+    gravity, field, dip = quality_lights(record)["lights"]
+    assert gravity["limit"] == pytest.approx(2.5e-3 * STANDARD_GRAVITY)
     assert field["limit"] == 520e-9
-    assert dip["limit"] == pytest.approx(math.radians(QualityLimits().dip_deg))
+    assert dip["limit"] == pytest.approx(math.radians(0.45))
 
 
 def test_every_unit_of_a_survey_has_a_kind_that_the_page_knows():

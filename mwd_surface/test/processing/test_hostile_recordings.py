@@ -152,10 +152,10 @@ def test_the_live_estimator_takes_the_samples_that_processing_takes(late_ms, own
     both = np.concatenate([samples[:1000], copies[:1000]])
     path = written(tmp_path, [(IMU, layout, both, np.concatenate([log_ns[:1000], log_ns[:1000] + late])), mag])
     waiting: list[ReceivedMessage] = []
-    silent = SimpleNamespace(take=list)
+    silent = SimpleNamespace(drain=list)
     node = SimpleNamespace(
         add_buffered_subscription=lambda _kind, topic, _qos: (
-            SimpleNamespace(take=lambda: [waiting.pop(0) for _ in range(len(waiting))])
+            SimpleNamespace(drain=lambda: [waiting.pop(0) for _ in range(len(waiting))])
             if topic == "imu/data_raw"
             else silent
         ),

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from serial_lines import until
+from waiting import eventually, samples_of
 
 from mwd_surface.receiver import pressure_files
 from mwd_surface.receiver.network_sources import LineSource, OpcUaSource, TcpClient, WitsSource
-from mwd_surface.receiver.pressure_table import columns_of
+from mwd_surface.receiver.pressure_columns import columns_of
 from mwd_surface.receiver.sources import Pipe
 from mwd_surface.rig.wits import format as wits
 
@@ -280,17 +280,17 @@ def test_wits_frames_over_tcp_give_their_item_and_a_lost_connection_is_opened_ag
             TcpClient(*server.getsockname(), wits.KEEP_ALIVE), columns_of("pressure_psi=0121"), time.monotonic
         )
         for _ in range(2):
-            asked = threading.Thread(target=lambda: until(lambda: source.read() and source.failure == ""))
+            asked = threading.Thread(target=lambda: eventually(lambda: source.read() and source.failure == ""))
             source._stream._next_try = 0.0
             asked.start()
             line, _ = server.accept()
             asked.join()
             line.sendall(b"".join(wits.encode([(108, "1234"), (121, f"{value}")]) for value in (2900, 2901, -999.25)))
-            times, pressures = until(source.read, 2)
+            times, pressures = samples_of(source.read, 2)
             np.testing.assert_allclose(pressures, [2900 * 6894.757293168, 2901 * 6894.757293168])
             assert times[1] > times[0]
             line.close()
-            until(lambda: source.read() and "connecting again" in source.failure)
+            eventually(lambda: source.read() and "connecting again" in source.failure)
         source.close()
     with pytest.raises(ValueError, match="unit of its pressure"):
         WitsSource(Pipe(0), {}, time.monotonic)
@@ -322,7 +322,7 @@ def test_a_node_of_opc_ua_is_read_with_the_times_of_its_source():
     thread.start()
     go.wait(10.0)
     source = OpcUaSource(url, columns_of("pressure_bar=ns=2;s=SPP"))
-    times, pressures = until(source.read, 20)
+    times, pressures = samples_of(source.read, 20)
     source.close()
     end.set()
     thread.join()

@@ -211,6 +211,22 @@ def test_the_same_pressure_in_any_form_is_the_same_samples(read, form):
     assert_same(read(FORMS[form]))
 
 
+@pytest.mark.parametrize(
+    ("names", "encoding"),
+    [
+        ("Время (s);Давление (bar)", "cp1251"),
+        ("Время (s);Давление (bar)", "koi8-r"),
+        ("时间 (s);立压 (bar)", "gb18030"),
+        ("时间 (s);泵压 (bar)", "gb18030"),
+        ("Zeit (s);Standrohrdrück (bar)", "latin-1"),
+    ],
+)
+def test_names_in_the_encoding_of_a_country_are_read_as_in_lists(tmp_path, names, encoding):
+    path = tmp_path / "p.csv"
+    path.write_bytes("\n".join(in_bar(names)).encode(encoding))
+    assert_same(pressure_files.read(path))
+
+
 def test_a_date_alone_may_hold_the_time_of_day_as_a_fraction(read):
     days = table("Date;SPP (Pa)", lambda _k, t, p: f"{46_082 + float(t) / 86_400:.11f};{p}".replace(".", ","))
     assert_same(read(days), 1e-5)

@@ -14,7 +14,7 @@ import wave
 import numpy as np
 import pytest
 from pyModbusTCP.server import ModbusServer
-from serial_lines import until
+from waiting import eventually, samples_of
 
 from mwd_sensors.simulator.serial_channel import transmit
 from mwd_sensors.telemetry.tool_configuration import starting
@@ -49,18 +49,18 @@ def test_a_gauge_is_read_over_modbus_and_says_what_it_lacks():
     try:
         server.data_bank.set_input_registers(3, [19200])
         gauge = ModbusGauge(settings, time.monotonic)
-        times, pressures = until(gauge.read, 10)
+        times, pressures = samples_of(gauge.read, 10)
         assert np.all(np.diff(times) > 0.0)
         assert pressures == pytest.approx(1.75e7)
         assert gauge.failure == ""
         server.data_bank.set_input_registers(3, [0])
-        until(lambda: bool(gauge.failure))
+        eventually(lambda: bool(gauge.failure))
         assert "3.6 to 21 mA" in gauge.failure
         gauge.close()
     finally:
         server.stop()
     silent = ModbusGauge(dataclasses.replace(settings, port=free_port()), time.monotonic)
-    until(lambda: "does not answer" in silent.failure)
+    eventually(lambda: "does not answer" in silent.failure)
     silent.close()
 
 
@@ -74,7 +74,7 @@ def test_a_converter_that_resets_its_connection_is_told_and_asked_again():
             # Without lingering, close sends a reset, as a converter does that starts anew.
             line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             line.close()
-        until(lambda: "has not answered yet" not in gauge.failure)
+        eventually(lambda: "has not answered yet" not in gauge.failure)
         gauge.close()
     assert gauge.failure
 
@@ -140,7 +140,7 @@ def test_a_serial_line_is_read_to_words():
     assert len(source.read()[0]) == 0
     writer = threading.Thread(target=os.write, args=(master, data))
     writer.start()
-    times, values = until(source.read, len(data))
+    times, values = samples_of(source.read, len(data))
     writer.join()
     source.close()
     assert np.all(np.diff(times) >= 0.0)
@@ -210,7 +210,7 @@ def test_a_converter_that_answers_nonsense_is_told_and_asked_again(content):
                 line.settimeout(5.0)
                 asked = line.recv(64)
                 line.sendall(asked[:4] + struct.pack(">HB", len(content) + 1, 1) + content)
-        until(lambda: "has not answered yet" not in gauge.failure)
+        eventually(lambda: "has not answered yet" not in gauge.failure)
         assert gauge.failure
         assert not len(gauge.read()[0])
         gauge.close()

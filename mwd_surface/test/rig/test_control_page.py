@@ -84,7 +84,7 @@ def test_the_modbus_controller_of_the_page_rotates_and_gives_back(tmp_path):
         assert authority.status(time.monotonic()).state == ControlState.IDLE
         rotates = [point for point in sent if point.mode == Mode.ROTATE]
         assert rotates[0].lease == 70_000
-        log = " | ".join(authority.take_events())
+        log = " | ".join(authority.drain_events())
         assert "modbus 7 has control" in log
         assert "modbus 7 gave control back" in log
         authority.request(ControlRequest(Sender("test", "another"), "another", priority=5), time.monotonic())
@@ -101,7 +101,7 @@ def test_without_leave_no_register_of_control_is_there():
         client.connect()
         assert client.write_registers(110, [1, 7, 5, 0]).isError()
         client.close()
-    assert authority.take_events() == []
+    assert authority.drain_events() == []
 
 
 @pytest.mark.slow
@@ -113,7 +113,7 @@ def test_the_opcua_controller_of_the_page_rotates_and_gives_back(tmp_path):
         ends = (server.address, "Well 1", certificate, key, tmp_path / "own.der", "urn:test:controller")
         assert "[True, 'the driller controls top drive and pumps']" in play(tmp_path, "OPC UA", *ends)
         assert next(point.mode for point in sent if point.mode != Mode.RELEASE) == Mode.ROTATE
-        assert "my_opcua_controller gave control back: done" in " | ".join(authority.take_events())
+        assert "my_opcua_controller gave control back: done" in " | ".join(authority.drain_events())
         authority.request(ControlRequest(Sender("test", "another"), "another", priority=5), time.monotonic())
         assert "another has control" in play(tmp_path, "OPC UA", *ends)
         authority.judge(ControlJudgement.ABORT, "driller", time.monotonic())

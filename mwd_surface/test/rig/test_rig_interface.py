@@ -11,7 +11,8 @@ import sys
 import threading
 
 import pytest
-from example_rig import eventually, started, values
+from example_rig import started, values
+from waiting import eventually
 
 from mwd_surface.rig.interface import (
     InterfaceError,

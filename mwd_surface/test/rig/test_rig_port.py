@@ -10,7 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from example_rig import eventually, values
+from example_rig import values
+from waiting import eventually
 
 from mwd_sensors.core import settings
 from mwd_surface.rig.input import RigInputSettings

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from waiting import eventually
 
 from mwd_sensors.ros import stop_signals
 from mwd_surface.runs import supervise
@@ -48,7 +49,7 @@ class Watched(Supervisor):
 
     def watch_the_end(self, name="a"):
         """Wait for the end of a process, and watch."""
-        until(lambda: not self.runs(name))
+        eventually(lambda: not self.runs(name))
         self.watch()
 
 
@@ -61,13 +62,6 @@ def supervisor(tmp_path):
 
 def order(folder, name, code):
     return Order(name, [sys.executable, "-S", "-c", code], folder / f"{name}.log")
-
-
-def until(condition, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.01)
 
 
 def alive(pid):
@@ -108,7 +102,7 @@ def test_a_process_learns_how_many_times_it_was_started_before(supervisor, tmp_p
     for _ in range(2):
         supervisor.watch_the_end()
         supervisor.watch_after(5.0)
-    until(lambda: not supervisor.runs("a"))
+    eventually(lambda: not supervisor.runs("a"))
     assert (tmp_path / "a.log").read_text().splitlines() == ["start 0", "start 1", "start 2"]
 
 
@@ -151,7 +145,7 @@ def test_a_failing_process_that_stays_alive_is_well_again(supervisor, tmp_path):
     assert supervisor.failing
     (tmp_path / "now").touch()
     supervisor.watch_after(31.0)
-    until(reported(tmp_path, "a"))
+    eventually(reported(tmp_path, "a"))
     supervisor.watch_after(21.0)
     assert not supervisor.failing
     assert supervisor.reported[-1] == "a has recovered"
@@ -166,8 +160,8 @@ def test_refused_settings_are_named(supervisor):
 def test_processes_end_by_request_and_in_order(supervisor, tmp_path):
     for name in ("a", "b"):
         supervisor.run(name, PATIENT)
-    until(reported(tmp_path, "a"))
-    until(reported(tmp_path, "b"))
+    eventually(reported(tmp_path, "a"))
+    eventually(reported(tmp_path, "b"))
     assert supervisor.stop([["b"], ["a"]]) == []
     assert not supervisor.runs("a")
     assert not supervisor.runs("b")
@@ -186,7 +180,7 @@ def test_a_process_that_waits_for_a_processor_is_not_killed(supervisor, tmp_path
     working += "signal.pause()\nuntil = time.thread_time() + 0.6\nwhile time.thread_time() < until: pass"
     for name, code in (("a", pinned + working), ("rival", pinned + "print('up', flush=True)\nwhile True: pass")):
         supervisor.run(name, code)
-        until(reported(tmp_path, name))
+        eventually(reported(tmp_path, name))
     began = time.monotonic()
     assert supervisor.stop([["a"]], patience=0.8) == []
     assert time.monotonic() - began > 0.8
@@ -195,7 +189,7 @@ def test_a_process_that_waits_for_a_processor_is_not_killed(supervisor, tmp_path
 def test_a_deaf_process_is_killed_and_named(supervisor, tmp_path, monkeypatch):
     monkeypatch.setattr(supervise, "_TERM_PATIENCE", 0.1)
     supervisor.run("a", DEAF)
-    until(reported(tmp_path, "a"))
+    eventually(reported(tmp_path, "a"))
     assert supervisor.stop([["a"]], patience=0.1) == ["a"]
     assert not supervisor.runs("a")
 
@@ -207,11 +201,11 @@ def test_the_log_of_a_process_that_writes_for_ever_is_bounded_and_its_end_is_kep
     supervisor.run("a", "import itertools\nfor k in itertools.count(): print(f'line {k:8d}', flush=True)")
     before = log.with_name("a.1.log")
     for _ in range(3):
-        until(lambda: log.stat().st_size > 100_000)
+        eventually(lambda: log.stat().st_size > 100_000)
         supervisor.watch()
         assert before.stat().st_size > 100_000
         # Lines that were under way when the log was cut are all that is lost.
-        until(lambda: log.stat().st_size > 10_000)
+        eventually(lambda: log.stat().st_size > 10_000)
         lines = [int(line.split()[1]) for line in log.read_text().splitlines()[1:-1]]
         assert lines == list(range(lines[0], lines[0] + len(lines)))
     supervisor.kill()
@@ -221,7 +215,7 @@ def test_the_log_of_a_process_that_writes_for_ever_is_bounded_and_its_end_is_kep
 @pytest.mark.parametrize("crashed", [False, True])
 def test_what_a_process_started_ends_with_it(supervisor, tmp_path, crashed):
     supervisor.run("a", PARENT)
-    until(reported(tmp_path, "a", "\n"))
+    eventually(reported(tmp_path, "a", "\n"))
     grandchild = int((tmp_path / "a.log").read_text())
     assert alive(grandchild)
     if crashed:
@@ -229,7 +223,7 @@ def test_what_a_process_started_ends_with_it(supervisor, tmp_path, crashed):
         supervisor.watch_the_end()
     else:
         supervisor.stop([["a"]])
-    until(lambda: not alive(grandchild))
+    eventually(lambda: not alive(grandchild))
 
 
 def test_a_process_does_not_outlive_a_killed_supervisor(tmp_path):
@@ -245,10 +239,10 @@ def test_a_process_does_not_outlive_a_killed_supervisor(tmp_path):
     )
     with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True) as process:
         pid = int(process.stdout.readline())
-        until((tmp_path / "a.log").exists)
-        until(reported(tmp_path, "a"))
+        eventually((tmp_path / "a.log").exists)
+        eventually(reported(tmp_path, "a"))
         process.kill()
-    until(lambda: not alive(pid))
+    eventually(lambda: not alive(pid))
 
 
 def test_a_name_is_used_once_at_a_time(supervisor):

@@ -213,7 +213,7 @@ class Recorder:
             files=len(session.writer.files) + int(session.writing) if session else 0,
         )
 
-    def take_events(self) -> list[RecorderEvent]:
+    def drain_events(self) -> list[RecorderEvent]:
         """Return the events since the last call, oldest first, at most the last 1000; never waits."""
         taken = []
         # Remove the events one by one, because another thread may append events at the same time.

@@ -51,9 +51,6 @@ class OpcuaSettings:
     max_clients: int = setting(
         16, "Largest number of connections at a time. Further connections are refused.", low=1, high=500
     )
-    max_subscriptions: int = setting(
-        64, "Largest number of subscriptions at a time. Further subscriptions are refused.", low=1, high=1000
-    )
 
 
 APPLICATION = "urn:mwd:surface"

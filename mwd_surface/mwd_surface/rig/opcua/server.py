@@ -58,6 +58,7 @@ from mwd_surface.signals.units import UNITS
 
 _REFUSALS = "asyncua.server.binary_server_asyncio"  # asyncua's logger for refused connections
 _LOG = logging.getLogger("mwd_surface.opcua")
+_MAX_SUBSCRIPTIONS = 64  # further subscriptions are refused
 _TICK = 1.0  # longest time between two writes of a value, s
 
 
@@ -172,7 +173,7 @@ class OpcuaServer(RigInterface):
     def _limit(self, server: Any) -> None:
         server.iserver.allow_remote_admin = False
         server.iserver.max_connections = self.settings.max_clients
-        server.iserver.max_subscriptions = self.settings.max_subscriptions
+        server.iserver.max_subscriptions = _MAX_SUBSCRIPTIONS
         server.iserver.max_monitored_item_queue_size = LONGEST_QUEUE
         server.iserver.max_unacked_messages_per_subscription = 100
         server.iserver.max_pending_messages_per_connection = 100

@@ -98,7 +98,7 @@ class PolledUnit(RigInterface):
     def _answer(self, data: bytes) -> bytes:
         """Return the bytes to send in answer to the bytes that arrived; empty if no answer is due."""
         unit = self._unit
-        asked = unit.take(data) if data and unit is not None else None
+        asked = unit.feed(data) if data and unit is not None else None
         if unit is None or asked is None or isinstance(asked, bytes):
             return asked if isinstance(asked, bytes) else b""
         return polled_line.reply(unit.frame, asked, usable(self.values))

@@ -35,6 +35,7 @@ from mwd_surface.rig.wits.link import Wits0Link, Wits0Settings
 
 # Client and serial line.
 
+_CONNECT_S = 5.0  # longest wait for a TCP connection, s
 _STEADY = 10.0  # length of a connection after which the wait starts again from the shortest, s
 
 
@@ -45,9 +46,6 @@ class Wits0ClientSettings:
     enabled: bool = setting(False, "Connect to a WITS recorder over TCP.")
     host: str = setting("127.0.0.1", "Address of the recorder.")
     port: int = setting(9872, "TCP port of the recorder.", low=1, high=65535)
-    connect_timeout: float = setting(
-        5.0, "Longest wait for the connection. Raise it for a slow network.", unit="s", low=0.1, high=60.0
-    )
     backoff: Backoff = setting(Backoff, "Waits between attempts to connect.")
 
 
@@ -139,7 +137,7 @@ class Wits0Client(_Caller):
     @contextlib.asynccontextmanager
     async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
         """Open a TCP connection."""
-        async with asyncio.timeout(self.settings.connect_timeout):
+        async with asyncio.timeout(_CONNECT_S):
             reader, stream = await asyncio.open_connection(self.settings.host, self.settings.port, limit=16384)
         try:
             yield reader, stream

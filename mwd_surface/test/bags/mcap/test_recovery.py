@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import shutil
 import struct
@@ -19,7 +18,6 @@ from rosbags.rosbag2 import Reader
 
 from mwd_sensors.core import wire
 from mwd_surface.bags import bag_metadata
-from mwd_surface.bags.bag_files import BagFiles
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.mcap import recovery
@@ -62,8 +60,8 @@ def test_a_file_cut_at_any_of_200_places_gives_back_every_complete_record_and_no
     record(tmp_path / "bag", 300).close()
     data = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
     everything = messages(tmp_path / "bag" / "bag_0.mcap")
-    with contextlib.closing(BagFiles(tmp_path / "bag")) as bag:
-        spans = [span for _, contents in bag.mcap for span in contents.spans]
+    with Bag(tmp_path / "bag") as bag:
+        spans = [span for one in bag.mcap for span in one.contents.spans]
     random = np.random.default_rng(7)
     for cut in [0, 7, 8, 9, *random.integers(10, len(data), 195).tolist(), len(data)]:
         source = tmp_path / "cut.mcap"
@@ -95,8 +93,8 @@ def test_whatever_stands_behind_the_place_where_writing_ended_no_message_is_chan
     record(tmp_path / "bag", 200, compression=compression).close()
     data = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
     everything = messages(tmp_path / "bag" / "bag_0.mcap")
-    with contextlib.closing(BagFiles(tmp_path / "bag")) as bag:
-        spans = [span for _, contents in bag.mcap for span in contents.spans]
+    with Bag(tmp_path / "bag") as bag:
+        spans = [span for one in bag.mcap for span in one.contents.spans]
     random = np.random.default_rng(32)
     source, target, most = tmp_path / "cut.mcap", tmp_path / "saved.mcap", 0
     for cut in random.integers(500, len(data), 60).tolist():
@@ -282,8 +280,8 @@ def test_a_stopped_recovery_leaves_no_trace(whole, tmp_path):
 def test_a_check_sees_a_flipped_bit_in_a_chunk_and_one_in_an_index(whole, tmp_path):
     data = bytearray((whole / "bag_0.mcap").read_bytes())
     assert recovery.check(whole / "bag_0.mcap").sound
-    with contextlib.closing(BagFiles(whole)) as bag:
-        span = bag.mcap[0][1].spans[4]
+    with Bag(whole) as bag:
+        span = bag.mcap[0].contents.spans[4]
     for at, damages in ((span.offset + 300, 1), (span.offset + span.length + 40, 0)):
         broken = bytearray(data)
         broken[at] ^= 4

@@ -11,13 +11,13 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 from unittest import mock
 
 import pytest
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
+from waiting import eventually
 
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_reader import Bag
@@ -37,13 +37,6 @@ QUICK = RecorderSettings(chunk_seconds=0.05, sync_seconds=0.05, min_free_bytes=0
 QOS = bag_metadata.qos_text([bag_metadata.qos_profile("best_effort", depth=5)])
 
 
-def until(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
-    end = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        threading.Event().wait(0.005)
-
-
 def text(words: str) -> bytes:
     data = words.encode() + b"\0"
     return b"\0\1\0\0" + len(data).to_bytes(4, "little") + data
@@ -61,7 +54,7 @@ def events(path: Path) -> list[str]:
 
 
 def reported(recorder: Recorder, words: str) -> bool:
-    return any(words in event.text for event in recorder.take_events())
+    return any(words in event.text for event in recorder.drain_events())
 
 
 def put(recorder: Recorder, first: int, count: int, size: int = 300) -> int:
@@ -137,7 +130,7 @@ def test_a_stalled_disk_never_holds_the_caller_up_and_what_is_lost_is_counted_an
     with Recorder(tmp_path, settings) as recorder:
         path = recorder.start("run")
         put(recorder, 0, 10)
-        until(lambda: recorder.status().messages >= 11)
+        eventually(lambda: recorder.status().messages >= 11)
         stall = Stall(monkeypatch)
         put(recorder, 10, 100)
         assert stall.met.wait(5)
@@ -149,8 +142,8 @@ def test_a_stalled_disk_never_holds_the_caller_up_and_what_is_lost_is_counted_an
         assert status.dropped == 5000 - taken > 4000
         assert status.queued_bytes <= status.queue_limit == 100_000
         stall.free.set()
-        until(lambda: recorder.status().queued_bytes == 0)
-        until(lambda: reported(recorder, "disk is slower"))
+        eventually(lambda: recorder.status().queued_bytes == 0)
+        eventually(lambda: reported(recorder, "disk is slower"))
         recorder.stop()
     assert len(recorded(path)) == 110 + taken
     assert any(f"{5000 - taken} messages were lost" in line for line in events(path))
@@ -166,7 +159,7 @@ def test_closing_does_not_wait_for_a_disk_that_stays_silent(tmp_path, monkeypatc
     assert not recorder.close(timeout_s=0.5)
     assert time.monotonic() - began < 10.0
     stall.free.set()
-    until(lambda: not recorder._thread.is_alive())
+    eventually(lambda: not recorder._thread.is_alive())
 
 
 @pytest.mark.fault_case(59)
@@ -184,7 +177,7 @@ def test_a_killed_recorder_loses_less_than_two_seconds_and_the_next_start_recove
     process.stdout.close()
     with Recorder(tmp_path, QUICK) as recorder:
         recorder.start("next")
-        until(lambda: reported(recorder, "recovered in run"))
+        eventually(lambda: reported(recorder, "recovered in run"))
         recorder.stop()
     assert len(list((tmp_path / "run").glob(f"*{recovery.KEPT}"))) == 1
     rows = recorded(tmp_path / "run")
@@ -203,7 +196,7 @@ def test_a_split_loses_no_message(tmp_path, asked):
         path, k = recorder.start("run"), 0
         while recorder.status().files < 4:
             k += put(recorder, k, 100)
-            until(lambda: recorder.status().queued_bytes == 0)
+            eventually(lambda: recorder.status().queued_bytes == 0)
             if asked:
                 assert recorder.split().exists()
         recorder.stop()
@@ -220,16 +213,16 @@ def test_a_full_disk_pauses_the_recording_with_a_whole_file_and_space_resumes_it
     with Recorder(tmp_path, settings, space=lambda _: space[0]) as recorder:
         path = recorder.start("run")
         put(recorder, 0, 100)
-        until(lambda: recorder.status().messages >= 101)
+        eventually(lambda: recorder.status().messages >= 101)
         space[0] = 10**7
-        until(lambda: recorder.status().state == RecorderState.PAUSED_DISK_FULL)
+        eventually(lambda: recorder.status().state == RecorderState.PAUSED_DISK_FULL)
         assert recovery.check(path / "run_0.mcap").sound
         put(recorder, 100, 50)
-        until(lambda: recorder.status().dropped == 50)
+        eventually(lambda: recorder.status().dropped == 50)
         with pytest.raises(RecorderError, match="paused"):
             recorder.split()
         space[0] = 10**9
-        until(lambda: recorder.status().state == RecorderState.RECORDING)
+        eventually(lambda: recorder.status().state == RecorderState.RECORDING)
         put(recorder, 150, 100)
         recorder.stop()
     assert [(log_ns - START) // 1_000_000 for log_ns, _ in recorded(path)] == [*range(100), *range(150, 250)]
@@ -253,7 +246,7 @@ def test_a_real_full_disk_of_eight_megabytes_never_runs_over(tmp_path):
             path, k = recorder.start("run"), 0
             while recorder.status().state == RecorderState.RECORDING:
                 k += put(recorder, k, 200, 1000)
-                until(lambda: recorder.status().queued_bytes == 0)
+                eventually(lambda: recorder.status().queued_bytes == 0)
             assert recorder.status().state == RecorderState.PAUSED_DISK_FULL
             files = sorted(path.glob("*.mcap"))
             assert len(files) >= 4
@@ -261,7 +254,7 @@ def test_a_real_full_disk_of_eight_megabytes_never_runs_over(tmp_path):
             files[0].unlink()
             files[1].unlink()
             files[2].unlink()
-            until(lambda: recorder.status().state == RecorderState.RECORDING)
+            eventually(lambda: recorder.status().state == RecorderState.RECORDING)
             put(recorder, k, 10, 1000)
             recorder.stop()
         with Bag(path) as bag:
@@ -377,7 +370,7 @@ def test_tables_attachments_and_events_are_inside_every_file_of_the_recording(tm
             assert names.count("versions") == names.count("rosbag2") == 1
             assert reader.get_summary().statistics.metadata_count == len(names)
             assert reader.get_summary().statistics.attachment_count == number
-    assert recorder.take_events()[0].level == EventLevel.INFO
+    assert recorder.drain_events()[0].level == EventLevel.INFO
     assert events(path)[0] == f"recording to {path}"
 
 
@@ -390,9 +383,9 @@ def test_a_recording_without_any_message_still_tells_when_it_ran(tmp_path):
 def test_every_event_is_taken_once(tmp_path):
     with Recorder(tmp_path, QUICK) as recorder:
         recorder.start("run")
-        assert [event.text for event in recorder.take_events()] == [f"recording to {tmp_path / 'run'}"]
-        assert recorder.take_events() == []
+        assert [event.text for event in recorder.drain_events()] == [f"recording to {tmp_path / 'run'}"]
+        assert recorder.drain_events() == []
         for k in range(250):
             recorder.put(f"/odd{k}", STRING, b"x", -1)
-        until(lambda: recorder.status().dropped == 250)
-        assert sum("before 1970" in event.text for event in recorder.take_events()) == 250
+        eventually(lambda: recorder.status().dropped == 250)
+        assert sum("before 1970" in event.text for event in recorder.drain_events()) == 250

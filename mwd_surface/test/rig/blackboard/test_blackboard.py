@@ -13,7 +13,8 @@ from types import SimpleNamespace
 
 import asyncua
 import pytest
-from example_rig import eventually, started, values
+from example_rig import started, values
+from waiting import eventually
 
 from mwd_sensors.core.constants import CELSIUS_ZERO
 from mwd_surface.rig.blackboard.client import Blackboard, BlackboardSettings

@@ -9,9 +9,10 @@ import threading
 import time
 
 import pytest
-from example_rig import eventually, started, values
+from example_rig import started, values
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from waiting import eventually
 
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode

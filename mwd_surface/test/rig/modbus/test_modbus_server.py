@@ -15,9 +15,10 @@ import threading
 from pathlib import Path
 
 import pytest
-from example_rig import eventually, extended, pseudo_terminal, started, values
+from example_rig import extended, pseudo_terminal, started, values
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from waiting import eventually
 
 from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.rig.modbus.map import COUNT, VERSION, ModbusForm, float_of

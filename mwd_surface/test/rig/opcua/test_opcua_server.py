@@ -15,7 +15,8 @@ from pathlib import Path
 
 import asyncua
 import pytest
-from example_rig import attitude, certified, eventually, started, values
+from example_rig import attitude, certified, started, values
+from waiting import eventually
 
 from mwd_estimation.core.status import Status
 from mwd_surface.live.alarms import Alarm, Severity

@@ -8,8 +8,9 @@ import select
 import time
 
 import pytest
-from example_rig import eventually, extended, pseudo_terminal, started, values
+from example_rig import extended, pseudo_terminal, started, values
 from pymodbus.client import ModbusSerialClient
+from waiting import eventually
 
 from mwd_sensors.drivers import polled_line
 from mwd_sensors.drivers.polled_line import Master
@@ -45,7 +46,7 @@ def polled(line, frame, rounds=1, within=10.0):
         if asked := host.due(time.monotonic()):
             os.write(line, asked)
         if select.select([line], [], [], 0.01)[0]:
-            for one in host.take(os.read(line, 4096), time.monotonic()):
+            for one in host.feed(os.read(line, 4096), time.monotonic()):
                 got |= one.values
     return got, host
 

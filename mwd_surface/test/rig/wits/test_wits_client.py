@@ -6,9 +6,10 @@ import os
 import socket
 
 import pytest
-from example_rig import eventually, pseudo_terminal, started, values
+from example_rig import pseudo_terminal, started, values
 from hypothesis import given
 from hypothesis import strategies as st
+from waiting import eventually
 
 from mwd_surface.rig.input import RigInputSettings
 from mwd_surface.rig.interface import Backoff

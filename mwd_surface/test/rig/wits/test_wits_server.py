@@ -7,8 +7,9 @@ import socket
 import threading
 
 import pytest
-from example_rig import eventually, started, values
+from example_rig import started, values
 from example_surveys import survey, surveys
+from waiting import eventually
 
 from mwd_surface.rig.input import RigInputSettings
 from mwd_surface.rig.wits.connections import Wits0Server, Wits0ServerSettings

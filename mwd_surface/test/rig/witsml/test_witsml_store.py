@@ -10,9 +10,10 @@ import xml.etree.ElementTree as ET
 from xml.sax.saxutils import escape
 
 import pytest
-from example_rig import eventually, started
+from example_rig import started
 from example_surveys import MADE, surveys, table
 from lxml import etree
+from waiting import eventually
 
 from mwd_surface.exports.export_witsml import witsml
 from mwd_surface.exports.survey_table import survey_table
