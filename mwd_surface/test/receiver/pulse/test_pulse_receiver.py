@@ -168,6 +168,15 @@ def test_what_the_tool_has_not_measured_is_erased_and_nothing_else():
     assert all(np.isnan(one.value) for one in words if one.status != BELIEVED)
 
 
+@pytest.mark.parametrize("pulse", range(len(FAST.sync.edges_tu)))
+def test_a_missing_pulse_of_the_sync_costs_no_word(pulse):
+    """A valve that sticks at its first pulse after a rest must not cost all words until the next flow-on."""
+    sent = transmit(FAST, ((0.0, 220.0),), 5)
+    lacking = SentTransmission(sent.words, np.delete(sent.pulses, pulse, axis=0))
+    words = decode(FAST, *white(FAST, lacking, 12.0)).words
+    assert [word.raw for word in words if word.status == BELIEVED] == [word.raw for word in sent.words]
+
+
 @pytest.mark.slow(4)
 @pytest.mark.parametrize("hours", [1, pytest.param(10, marks=pytest.mark.nightly)])
 def test_nothing_is_believed_in_hours_of_noise(hours):
