@@ -219,8 +219,9 @@ def _sent(whitened: Array, weight: Array, shapes: Array, edges: Array, at: int) 
     """
     cases = np.concatenate([np.ones((1, len(edges)), dtype=bool), ~np.eye(len(edges), dtype=bool)])
     here = slice(at - BEFORE, at - BEFORE + int(edges[-1]) + shapes.shape[1])
-    scores = [_scores(whitened[here], weight[here], _columns(shapes, edges, sent), 1)[0] for sent in cases]
-    scores = np.array(scores) + np.log(np.where(cases.all(axis=1), 1.0 - len(edges) * MISSING, MISSING))
+    prior = np.where(cases.all(axis=1), 1.0 - len(edges) * MISSING, MISSING)
+    pressures = (_columns(shapes, edges, sent) for sent in cases)
+    scores = np.log(prior) + [_scores(whitened[here], weight[here], one, 1)[0] for one in pressures]
     best = int(np.argmax(scores))
     return cases[best], float(scores[best] - scores[0])
 
