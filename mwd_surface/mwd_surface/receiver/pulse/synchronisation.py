@@ -4,7 +4,8 @@ Search for syncs in noise: the likelihood of the pressure with five pulses throu
 
 The channel response is a Gaussian process of unknown size, and the size of the noise is unknown as well; the score is
 the ratio of the marginal likelihoods (R. E. Kass, A. E. Raftery, Bayes Factors, J. Am. Stat. Assoc. 90 (1995) 773).
-Five pulses of unequal size are not accepted as a sync, because each of the five must be present.
+One of the five pulses may be missing, with the probability with which a pulse of a word is missing. Pulses of unequal
+size are not accepted as a sync.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
@@ -27,6 +29,7 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     reconstruct,
     whitened_responses,
 )
+from mwd_surface.receiver.pulse.segment import MISSING
 from mwd_surface.receiver.pump_lines import pump_noise
 from mwd_surface.receiver.whitening import FLOOR, SEARCH_ORDER, correlated, filtered, median, steadiness, steady_filter
 
@@ -64,6 +67,7 @@ class SyncFound:
 
     at: int  #: sample at which the sync starts in the data searched
     score: float  #: log likelihood ratio of the sync
+    sent: tuple[bool, ...]  #: which of its pulses were sent: all of them, or all but one
     response: Array  #: response to a pulse, Pa
     scale: float  #: standard deviation of the coefficients of its components
     whitener: Array  #: prediction error filter of the noise
@@ -136,7 +140,7 @@ def _refined(
     Returns None if there is no noise model or no sync with the score `least`.
     """
     train = np.zeros(len(pressure))
-    train[found.at + SAMPLES_PER_TU * np.array(tool.sync.edges_tu)] = 1.0
+    train[found.at + SAMPLES_PER_TU * np.array(tool.sync.edges_tu)] = found.sent
     whitener = steady_filter(pressure - reconstruct(train, found.response), known, SEARCH_ORDER, FLOOR)
     return None if whitener is None else _found(pressure, known, tool, span, whitener, least)
 
@@ -172,19 +176,20 @@ def _found(
     components = basis(RESPONSE, tool.tu_s)
     shapes = whitened_responses(components, whitener, RESPONSE + _TAIL)
     edges = SAMPLES_PER_TU * np.array(tool.sync.edges_tu)
-    length = int(edges[-1]) + RESPONSE + _TAIL
+    every = _columns(shapes, edges, np.ones(len(edges), dtype=bool))
     first = max(begin, BEFORE)
-    last = min(end, len(pressure) - length)
+    last = min(end, len(pressure) - len(every))
     if last <= first:
         return None
     count = last - first
-    columns = _columns(shapes, edges)
-    score = _scores(whitened[first - BEFORE :], weight[first - BEFORE :], columns, count)
+    score = _scores(whitened[first - BEFORE :], weight[first - BEFORE :], every, count)
     best: list[SyncFound] = []
     for _ in range(2):
         at = int(np.argmax(score))
         if score[at] < least:
             break
+        sent, gained = _sent(whitened, weight, shapes, edges, first + at)
+        columns = _columns(shapes, edges, sent)
         # The response is free, so its time shift is ambiguous: align its largest pressure with the middle of a pulse.
         found = _fitted(whitened, weight, columns, first + at - BEFORE)
         early = int(np.argmax(np.abs(found[0] @ components))) - BEFORE - _MIDDLE
@@ -192,24 +197,43 @@ def _found(
         if moved != at:
             found = _fitted(whitened, weight, columns, first + moved - BEFORE)
         # The aligned start may be that of a sync found earlier, whose score is already removed.
-        if score[moved] == -np.inf or not _alike(whitened, weight, found[0] @ shapes, edges, first + moved):
+        if score[moved] == -np.inf or not _alike(whitened, weight, found[0] @ shapes, edges[sent], first + moved):
             break
         response = found[0] @ components
         place = first + moved
-        best.append(SyncFound(place, float(score[moved]), response, found[1], whitener, place))
+        best.append(
+            SyncFound(place, float(score[moved]) + gained, tuple(sent.tolist()), response, found[1], whitener, place)
+        )
         for taken in (at, moved):
             score[max(taken - RESPONSE, 0) : taken + RESPONSE] = -np.inf
     return dataclasses.replace(best[0], other=best[-1] if len(best) > 1 else None) if best else None
 
 
-def _columns(shapes: Array, edges: Array) -> Array:
+def _sent(whitened: Array, weight: Array, shapes: Array, edges: Array, at: int) -> tuple[NDArray[np.bool_], float]:
     """
-    Return the whitened pressure of a whole sync for each component, shape (samples, c).
+    Return which pulses of a sync were sent, all or all but one, whichever is more probable.
+
+    Also return the log of the ratio of its likelihood to the likelihood of all pulses.
+
+    edges: first samples of the pulses after the start of the sync, which is the sample `at`.
+    """
+    cases = np.concatenate([np.ones((1, len(edges)), dtype=bool), ~np.eye(len(edges), dtype=bool)])
+    here = slice(at - BEFORE, at - BEFORE + int(edges[-1]) + shapes.shape[1])
+    prior = np.where(cases.all(axis=1), 1.0 - len(edges) * MISSING, MISSING)
+    pressures = (_columns(shapes, edges, sent) for sent in cases)
+    scores = np.log(prior) + [_scores(whitened[here], weight[here], one, 1)[0] for one in pressures]
+    best = int(np.argmax(scores))
+    return cases[best], float(scores[best] - scores[0])
+
+
+def _columns(shapes: Array, edges: Array, sent: NDArray[np.bool_]) -> Array:
+    """
+    Return the whitened pressure of the pulses of a sync that were sent, for each component, shape (samples, c).
 
     The first sample is `BEFORE` samples before the start of the sync.
     """
     train = np.zeros(int(edges[-1]) + shapes.shape[1])
-    train[BEFORE + edges] = 1.0
+    train[BEFORE + edges] = sent
     return pulse_columns(train, shapes)
 
 

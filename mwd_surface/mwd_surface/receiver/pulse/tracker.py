@@ -66,7 +66,9 @@ class Tracker:
         for one in expecting:
             one.offer_sync()
         for one in self._all:
-            if _APART_TU * STEPS_PER_TU < position - one.begin < self._tool.sync.length_tu * STEPS_PER_TU:
+            during = _APART_TU * STEPS_PER_TU < position - one.begin < self._tool.sync.length_tu * STEPS_PER_TU
+            # Pulses of words resemble a sync that lacks a pulse too often to show a second tool.
+            if during and all(found.sent):
                 one.second = max(one.second, found.score)
         near = [one for one in self._all if abs(one.begin - position) <= STEPS_PER_TU]
         if expecting or (near and max(one.score for one in near) >= found.score):
@@ -124,7 +126,6 @@ class Tracker:
             best = self.leader or max(self._all, key=lambda one: (one.presence.confirmed, one.total))
             self.leader = self.leader or best
             self._end(best, done)
-            self._all = [one for one in self._all if one.begin > best.heard]
         return done
 
     def _off(self, one: ReceivedTransmission) -> float:
@@ -172,7 +173,8 @@ class Tracker:
         End a hypothesis, and publish its words if it is the leader.
 
         Without a leader and without a better hypothesis, the words of a confirmed hypothesis are published too. If
-        `better` begins before the end of the sync of `one`, words are published only if earlier words were.
+        `better` begins before the end of the sync of `one`, words are published only if earlier words were. If the
+        tool has sent everything, hypotheses that begin before its last pulse are dropped.
         """
         self._all.remove(one)
         if one is not self.leader and (self.leader is not None or better is not None or not one.presence.confirmed):
@@ -181,6 +183,8 @@ class Tracker:
         replaced = better is not None and better.begin < one.begin + STEPS_PER_TU * self._tool.sync.length_tu
         if replaced and not one.published:
             return
+        if better is None and not one.lost:
+            self._all = [other for other in self._all if other.begin > one.heard]
         one.close(math.inf if better is None else better.begin, FADED if better is not None else "")
         self._flush(one, done)
         self._frames = one.base + one.frames if one.published else self._frames

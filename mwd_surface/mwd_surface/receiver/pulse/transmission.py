@@ -79,7 +79,7 @@ class ReceivedTransmission:
         self._tool, self._grid = tool, grid
         self._clock = ToolClock(position)
         self._settled = -found.settled
-        self._places = passes.sync_places(tool, 0)
+        self._places = passes.sync_places(tool, 0)[np.array(found.sent)]
         response = np.zeros(response_length(tool.tu_s))
         response[: len(found.response)] = found.response
         # The estimate has more components than the search. Distribute the same total variance over them.

@@ -168,6 +168,30 @@ def test_what_the_tool_has_not_measured_is_erased_and_nothing_else():
     assert all(np.isnan(one.value) for one in words if one.status != BELIEVED)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [1.0, 2.0, 3.0])
+def test_a_surge_of_pressure_costs_only_the_words_during_it(seconds):
+    """A motor that stalls raises the pressure by much more than a pulse does."""
+    sent = transmit(FAST, ((0.0, 500.0),), 5)
+    time, pressure = white(FAST, sent, 14.0)
+    during = (time > 300.0) & (time < 300.0 + seconds)
+    pressure = pressure.copy()
+    pressure[during] += 8.0 * np.ptp(pressure) * np.sin(np.pi * (time[during] - 300.0) / seconds)
+    right = {(word.name, word.raw) for word in decode(FAST, time, pressure).words if word.status == BELIEVED}
+    after = [word for word in sent.words if word.start_s > 303.0 + seconds]
+    assert len(after) > 10
+    assert [word for word in after if (word.name, word.raw) not in right] == []
+
+
+@pytest.mark.parametrize("pulse", range(len(FAST.sync.edges_tu)))
+def test_a_missing_pulse_of_the_sync_costs_no_word(pulse):
+    """A valve that sticks at its first pulse after a rest must not cost all words until the next flow-on."""
+    sent = transmit(FAST, ((0.0, 220.0),), 5)
+    lacking = SentTransmission(sent.words, np.delete(sent.pulses, pulse, axis=0))
+    words = decode(FAST, *white(FAST, lacking, 12.0)).words
+    assert [word.raw for word in words if word.status == BELIEVED] == [word.raw for word in sent.words]
+
+
 @pytest.mark.slow(4)
 @pytest.mark.parametrize("hours", [1, pytest.param(10, marks=pytest.mark.nightly)])
 def test_nothing_is_believed_in_hours_of_noise(hours):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Syncs: found through a channel that nobody knows, and not found in noise or in three of five pulses."""
+"""Syncs: found through an unknown channel, also without one pulse, and not in noise or in three of five pulses."""
 
 import numpy as np
 import pytest
@@ -39,6 +39,13 @@ def test_a_sync_is_found_through_an_unknown_channel(sign):
     found = searched(sign * data(SENT))
     assert_at(found)
     assert found.score > 8.0
+
+
+@pytest.mark.parametrize("pulse", range(5))
+def test_a_sync_without_one_pulse_is_found_and_the_missing_pulse_named(pulse):
+    found = searched(data([edge for edge in SENT if edge != SENT[pulse]]))
+    assert_at(found)
+    assert [k for k, sent in enumerate(found.sent) if not sent] == [pulse]
 
 
 @pytest.mark.parametrize("edges", [(), (0,), (0, 5, 15)])
