@@ -159,8 +159,8 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     noise = stretch.pressure - reconstruct(pulses.train, state.response)
     pumps, cranks = pump_noise(noise, stretch.known, state.memory, stretch.angles)
     if state.posterior is not None and not again:
-        # A disturbance before the packets must not distort their response. The response of a sync alone is too uncertain
-        # to find disturbances with it.
+        # A disturbance before the packets must not distort their response. The response of a sync alone is too
+        # uncertain to find disturbances with it.
         before = slice(0, stretch.own[0].start)
         weight[before] = precision(filtered(noise - pumps.pressure, state.whitener), stretch.known)[before]
     for turn in range(_ROUNDS):
