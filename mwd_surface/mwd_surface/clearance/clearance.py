@@ -38,6 +38,9 @@ _DOGLEG_LENGTH = 10.0
 # Variance added to every position, (10 um)^2 in m^2: the position of a first station may be exact, and rounding could
 # make its variance negative.
 _ROUNDING = 1e-10
+# Change of direction between two points, rad, below which the hole between them is given to the library as straight. On
+# such an arc the library computes the nearest point from a radius so large that rounding moves the point by metres.
+_STRAIGHT = 1e-6
 # Distance at the same measured depth below which two wells count as the same hole, m.
 _SAME_HOLE = 0.05
 
@@ -335,6 +338,7 @@ def _library_survey(well: UncertainWell, near: float | None = None) -> Any:
     # Omit points within a centimetre of a station, because they would only repeat the station.
     md = md[np.concatenate([[True], np.diff(md) > 0.01])]
     inc, azi, positions = mc.interpolate(well.md, well.inclination, well.azimuth, well.positions, md)
+    inc, azi = _straightened(inc, azi)
     k = np.clip(np.searchsorted(well.md, md, side="right") - 1, 0, well.md.size - 2)
     part = ((md - well.md[k]) / (well.md[k + 1] - well.md[k]))[:, None, None]
     header = SurveyHeader(
@@ -363,3 +367,16 @@ def _library_survey(well: UncertainWell, near: float | None = None) -> Any:
         error_model=None,
         deg=True,
     )
+
+
+def _straightened(inclination: Array, azimuth: Array) -> tuple[Array, Array]:
+    """
+    Return directions, rad, shape (n,), without changes of less than `_STRAIGHT` from one point to the next.
+
+    A list in feet has such changes, because its stations are rounded to other depths than the points between them.
+    """
+    inc, azi = inclination.copy(), azimuth.copy()
+    for k in range(1, inc.size):
+        if mc.dogleg(inc[k - 1], azi[k - 1], inc[k], azi[k]) < _STRAIGHT:
+            inc[k], azi[k] = inc[k - 1], azi[k - 1]
+    return inc, azi

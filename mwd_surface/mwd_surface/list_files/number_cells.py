@@ -39,8 +39,8 @@ _GROUPED = re.compile(r"^[+-]?[1-9]\d{0,2}(?P<mark>[.,])\d{3}$")
 
 _QUADRANT = re.compile(r"^(?P<pole>[NS])\s*(?P<angle>\d[^EW]*?)\s*(?:deg)?\s*(?P<side>[EW])$", re.IGNORECASE)
 _SEXAGESIMAL = re.compile(
-    r"""^(?P<sign>[+-]?)(?P<degrees>\d{1,3})\s*[°ºd]\s*(?P<minutes>\d{1,2}(?:\.\d+)?)\s*['′’m]\s*"""
-    r"""(?:(?P<seconds>\d{1,2}(?:[.,]\d+)?)\s*(?:"|″|”|''|s))?$"""
+    r"""^(?P<sign>[+-]?)(?P<degrees>\d{1,3})\s*[°ºd\s]\s*(?P<minutes>\d{1,2}(?:[.,]\d+)?)\s*"""
+    r"""(?:['′’m\s]\s*(?:(?P<seconds>\d{1,2}(?:[.,]\d+)?)\s*(?:"|″|”|''|s)?)?)?$"""
 )
 
 
@@ -72,7 +72,11 @@ def split(cell: Cell) -> tuple[str, str] | None:
     found = _NUMBER.match(text[1:] if text[:1] in "'’" else text)
     if found is None:
         return None
-    number = _SPACES.sub("", found["number"].strip()).replace(" ", "")
+    number = _SPACES.sub("", found["number"].strip())
+    number = number[:1] + number[1:].lstrip() if number[:1] in "+-" else number
+    if any(c.isspace() for c in number):
+        # Two numbers, such as degrees and minutes.
+        return None
     return number.rstrip(".,") if number[-1:] in ".," else number, found["rest"].strip()
 
 
@@ -144,6 +148,8 @@ def angle(text: str, *, bearing: bool) -> float:
     """
     Return an angle in deg from degrees, minutes and seconds or from a quadrant bearing; nan for other texts.
 
+    Marks of degrees, minutes and seconds may be spaces, as in "212 30.5".
+
     bearing: accept quadrant bearings such as "N 45.5 E" and "S45°30'W", which are clockwise from north.
     """
     found = _QUADRANT.match(text.strip()) if bearing else None
@@ -164,7 +170,7 @@ def _sexagesimal(text: str) -> float:
     found = _SEXAGESIMAL.match(text.strip())
     if found is None:
         return math.nan
-    minutes, seconds = float(found["minutes"]), float((found["seconds"] or "0").replace(",", "."))
+    minutes, seconds = (float((found[part] or "0").replace(",", ".")) for part in ("minutes", "seconds"))
     if minutes >= 60.0 or seconds >= 60.0:
         return math.nan
     size = float(found["degrees"]) + minutes / 60.0 + seconds / 3600.0

@@ -20,6 +20,7 @@ class RemarkKind(enum.StrEnum):
     HOLE_ABOVE_ASSUMED = "hole_above_assumed"  #: the list begins below the wellhead; the path above is assumed
     TIE_ON_ASSUMED = "tie_on_assumed"  #: the path starts at a tie-on that is assumed
     TIE_ON_OF_LIST = "tie_on_of_list"  #: the path starts at the listed position of a first station below the wellhead
+    TIE_ON_SHARP = "tie_on_sharp"  #: the hole turns implausibly between a given tie-on and the first station
     NOT_COMPARED = "not_compared"  #: a part of a well that was not compared in a clearance scan
     NORTH_ASSUMED = "north_assumed"  #: the list does not state from which north its azimuths are measured
     UNIT_ASSUMED = "unit_assumed"  #: a unit that the list does not state, or states in one place only

@@ -596,6 +596,7 @@ def _wired(rows: list[TableRow], columns: SixAxisColumns) -> list[TableRow]:
                 columns.factors[columns.field[0]],
             ),
             table_wiring.ExpectedRows(
+                np.array([row.md for row in of_run]),
                 np.array([_dip(row.reference) for row in of_run]),
                 np.array([row.inclination for row in of_run]),
                 np.array([row.azimuth for row in of_run]),

@@ -3,10 +3,12 @@
 Detection of wrong handedness, sign, order or unit, or a dead axis, in the sensor columns of a six-axis table.
 
 A wiring says which column, with which sign, belongs to which axis of a sensor; there are 48, half of them left-handed.
-The columns may have a wrong wiring, or be in another unit; all rows of a run have the same fault. Two comparisons
+The columns may have a wrong wiring, or be in another unit; all rows of a run have the same fault. Three comparisons
 reveal it. Total and dip of the reference reveal a wrong unit, a dead axis, and a wrong wiring of one sensor relative to
 the other. The inclination and azimuth given in the table reveal a wrong wiring that both sensors share, above all the
-handedness: a mirrored table has the same totals.
+handedness: a mirrored table has the same totals. Without these angles the depths reveal a wrong down-hole axis that
+both sensors share: the hole would turn sharply from one row to the next, because a transverse axis turns with the
+string.
 """
 
 from __future__ import annotations
@@ -41,6 +43,9 @@ _FEW, _MOST, _LEAST_ROWS = 0.2, 0.8, 3
 # Inclination above which a hole is taken to go up, rad: a horizontal well that passes the horizontal by a few degrees
 # has a smaller one. And inclination that only holes drilled upwards in a mine exceed, rad.
 _UPWARDS, _NO_HOLE = math.radians(95.0), math.radians(120.0)
+# Largest change of inclination of usual holes, rad/m, and the shortest length over which it counts, m. In the right
+# wiring at most the share _FEW of the changes is larger, and all changes together are smaller by the factor _BETTER.
+_SHARPEST, _SHORTEST = math.radians(30.0) / 30.0, 10.0
 # Attitudes that differ by more than this, rad, show the wiring independently.
 _ANOTHER_ATTITUDE = math.radians(10.0)
 _ACCELERATIONS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "ft/s^2": 0.3048, "Gal": 0.01}
@@ -68,8 +73,9 @@ class Sensor:
 
 @dataclass(frozen=True)
 class ExpectedRows:
-    """Expected values of the rows, shape (n,), rad; NaN if unknown."""
+    """Expected values of the rows, shape (n,), rad and m; NaN if unknown."""
 
+    md: Array  #: measured depth, m
     dip: Array
     inclination: Array  #: inclination in the table
     azimuth: Array  #: azimuth in the table, converted to magnetic north
@@ -119,9 +125,11 @@ def wiring_faults(force: Sensor, field: Sensor, expected: ExpectedRows) -> tuple
         return tuple(found)
     looked = np.unique(np.linspace(0, len(at) - 1, min(len(at), _LOOKED_AT)).round().astype(int))
     f_t, b_t = (values[looked] for values in scaled)
-    known = (part[at][looked] for part in (expected.dip, expected.inclination, expected.azimuth))
-    wirings, by_dip = _wirings(f_t, b_t, *known)
-    return (*found, _named(force.columns, field.columns, wirings, by_dip=by_dip)) if wirings else tuple(found)
+    known = [part[at][looked] for part in (expected.dip, expected.inclination, expected.azimuth)]
+    wirings, shown_by = _wirings(f_t, b_t, *known)
+    if not wirings and not np.isfinite(known[1]).any():
+        wirings, shown_by = _smooth(scaled[0], expected.md[at]), "depths"
+    return (*found, _named(force.columns, field.columns, wirings, shown_by)) if wirings else tuple(found)
 
 
 def _unit_of(sensor: Sensor, values: Array) -> str | None:
@@ -191,9 +199,9 @@ def _cost(pair: tuple[int, int]) -> int:
 
 def _wirings(
     f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, printed: Array
-) -> tuple[list[tuple[int, int]], bool]:
+) -> tuple[list[tuple[int, int]], str]:
     """
-    Return the simplest wirings of both sensors that explain a run, as indices in `_WAYS`, and whether dips show them.
+    Return the simplest wirings of both sensors that explain a run, as indices in `_WAYS`, and what shows them.
 
     The list is empty if the table may have the right wiring. f_t, b_t: shape (n, 3). dip, printed_inclination, printed:
     shape (n,), as in `ExpectedRows`.
@@ -210,7 +218,7 @@ def _wirings(
         # The columns contain specific force although they are named as gravity, or the reverse: the hole seems to go up
         # everywhere, or as steeply as no well does. A reference dip of the wrong sign gives the same difference of the
         # dips, but leaves the hole pointing down.
-        return [(_REVERSED, _AS_IT_IS)], True
+        return [(_REVERSED, _AS_IT_IS)], "dip"
     if off is not None and off[_AS_IT_IS, _AS_IT_IS] > _DIRECTION_OFF:
         # Compare with the angles in the table. Among the wirings that fit these angles, keep those with the best dips.
         fitting = (off < _DIRECTION_FITS) & (_BETTER * off < off[_AS_IT_IS, _AS_IT_IS])
@@ -221,10 +229,33 @@ def _wirings(
         fitting[_AS_IT_IS] = fits[_AS_IT_IS] >= _MOST
         fitting[_AS_IT_IS, _REVERSED] = False
     else:
-        return [], False
+        return [], ""
     pairs = [(int(p), int(q)) for p, q in np.argwhere(fitting)]
     scores = [(-float(fits[pair]), _cost(pair)) for pair in pairs]
-    return [pair for pair, score in zip(pairs, scores, strict=True) if score == min(scores)], off is None
+    shown_by = "dip" if off is None else "inclination and azimuth of the table"
+    return [pair for pair, score in zip(pairs, scores, strict=True) if score == min(scores)], shown_by
+
+
+def _smooth(f_t: Array, md: Array) -> list[tuple[int, int]]:
+    """
+    Return the simplest wirings of either hand with which the hole is smooth, if it is not in the wiring of the table.
+
+    Both sensors have the same wiring. f_t, md: shapes (n, 3) and (n,), the rows with readings. Rows with a wrong total
+    or without depth are left out.
+    """
+    right = np.abs(np.linalg.norm(f_t, axis=1) / STANDARD_GRAVITY - 1.0) < _GRAVITY_SHARE
+    order = np.argsort(np.where(right, md, np.nan), kind="stable")[: int((right & np.isfinite(md)).sum())]
+    tilt = inclination(np.einsum("pij,nj->pni", _WAYS, f_t[order]))
+    changes = np.abs(np.diff(tilt))
+    sharp = changes > _SHARPEST * np.maximum(np.diff(md[order]), _SHORTEST)
+    if sharp[_AS_IT_IS].sum() < _LEAST_ROWS or sharp[_AS_IT_IS].mean() <= _FEW:
+        return []
+    total = changes.sum(axis=1)
+    fitting = (sharp.mean(axis=1) <= _FEW) & (_BETTER * total < total[_AS_IT_IS])
+    fitting &= np.median(tilt, axis=1) < _UPWARDS
+    hands = np.linalg.det(_WAYS)
+    ways = (np.flatnonzero(fitting & (hands * hand > 0.0))[:1] for hand in (1.0, -1.0))
+    return [(int(p), int(p)) for way in ways for p in way]
 
 
 def _directions_off(f: Array, b: Array, printed_inclination: Array, printed: Array) -> Array | None:
@@ -266,8 +297,8 @@ def _angle(a: Array, c: Array) -> float:
     return math.atan2(float(np.linalg.norm(np.cross(a, c))), float(a @ c))
 
 
-def _named(force: Sequence[str], field: Sequence[str], pairs: Sequence[tuple[int, int]], *, by_dip: bool) -> Reason:
-    """Return the reason that names the corrections of the columns, one for each possible wiring."""
+def _named(force: Sequence[str], field: Sequence[str], pairs: Sequence[tuple[int, int]], shown_by: str) -> Reason:
+    """Return the reason that names the corrections of the columns, one for each possible wiring, and what shows it."""
     if all(p == _AS_IT_IS for p, _ in pairs):
         # The inverse change of the gravity columns gives the same dips.
         remedies = [_words(names, way) for _, q in pairs for names, way in ((field, _WAYS[q]), (force, _WAYS[q].T))]
@@ -276,8 +307,7 @@ def _named(force: Sequence[str], field: Sequence[str], pairs: Sequence[tuple[int
         remedies = [" and ".join(filter(None, (_words(names, way) for names, way in both))) for both in ways]
     mirrored = all(np.linalg.det(_WAYS[p]) < 0.0 and np.linalg.det(_WAYS[q]) < 0.0 for p, q in pairs)
     kind = "the axes are left-handed" if mirrored else "axes or signs are wrong"
-    shown = ("dip" if by_dip else "inclination and azimuth of the table", kind)
-    return Reason(Code.WIRING, names=(*shown, *remedies[:_NAMED]))
+    return Reason(Code.WIRING, names=(shown_by, kind, *remedies[:_NAMED]))
 
 
 def _words(names: Sequence[str], way: Array) -> str:

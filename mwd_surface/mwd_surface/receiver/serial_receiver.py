@@ -23,7 +23,7 @@ from mwd_sensors.telemetry.carrier import KINDS, packed, unpacked
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Judged
-from mwd_surface.receiver.words import FrameReport, Reception, WordPlace, received
+from mwd_surface.receiver.words import FrameReport, Reception, WordPlace, no_words, received
 
 _LONGEST = 600  # longest frame, bytes; more bytes without an end are noise or another baud rate
 _FOLLOWS = 16  # largest step of the counter between two frames, if frames are lost
@@ -100,11 +100,11 @@ class SerialReceiver:
     def why_nothing(self) -> str:
         """Return the reason, in one sentence, why there is no word."""
         if not self._bytes:
-            return "no words: no bytes came; check the cable, the port and that the probe has power"
+            return no_words("no bytes came; check the cable, the port and that the probe has power")
         if not self._outcomes:
-            return f"no words: {self._bytes} bytes without the end of a frame; check baud and format in the tool file"
-        return (
-            f"no words: {len(self._outcomes)} frames, but none passes its check; compare baud, format, sequences and"
+            return no_words(f"{self._bytes} bytes without the end of a frame; check baud and format in the tool file")
+        return no_words(
+            f"{len(self._outcomes)} frames, but none passes its check; compare baud, format, sequences and"
             " words with the tool file"
         )
 

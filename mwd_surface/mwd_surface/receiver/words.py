@@ -53,6 +53,11 @@ class ReceivedWord:
         return self.status != ERASED
 
 
+def no_words(reason: str) -> str:
+    """Return the sentence that no word was received, with the reason."""
+    return f"no words: {reason}"
+
+
 @dataclasses.dataclass(frozen=True)
 class LinkValue:
     """Value and 1 sigma of a word, SI; code; begin and end, s on the clock of the samples; confidence of the code."""

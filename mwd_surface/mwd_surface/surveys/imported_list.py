@@ -13,14 +13,19 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.survey import REFERENCE_FIELDS, Nine, Survey, Verdict
+from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings, utc
+from mwd_surface.list_files.list_checks import are_sharp
 from mwd_surface.list_files.provenance import Provenance
 from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
 from mwd_surface.list_files.station_list import Start, StationList, start_of
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
+from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well import Well
@@ -56,7 +61,8 @@ def survey_list(
         the list replaces the north of the well. A tool code named by a list of another program replaces the tool code
         of the well.
     tie_on : TieOn, optional
-        Start of the path, with azimuth from the north of the list; stations that are not below the start are left out.
+        Start of the path, with azimuth from the north of the list. Stations that are not below the start are left out,
+        and so is the station at the start, whose depth may be rounded in another unit (`ListRules.same_depth`).
     reference : Reference, optional
         Field and norths of the site; without it no magnetic error model can be evaluated.
     every : bool
@@ -89,10 +95,13 @@ def survey_list(
         first = start_of(stations)
         start = TieOn(first.md, first.inclination, first.azimuth, *first.position, Origin(first.source))
         remarks += first.remarks
-    below = [k for k in range(stations.md.size) if stations.md[k] > start.measured_depth]
+    apart = stations.md - start.measured_depth
+    below = [int(k) for k in np.flatnonzero(apart > 0.0 if tie_on is None else apart >= ListRules().same_depth)]
     records = [_record(stations, k, North[north.upper()], reference, every=every) for k in below]
     if not records and stations.md.size > 1:
         raise ValueError(f"{stations.name}: no station lies below the tie-on at {start.measured_depth:g} m")
+    if tie_on is not None:
+        remarks += _sharp_start(tie_on, next((record for record in records if record.in_use), None), stations.name)
     unused = [record for record in records if not record.in_use]
     blind = sum(math.isnan(record.survey.azimuth) for record in unused)
     if blind:
@@ -110,6 +119,21 @@ def survey_list(
         remarks=tuple(remarks),
     )
     return SurveyList.from_mapping(bare.to_mapping())
+
+
+def _sharp_start(tie_on: TieOn, first: SurveyRecord | None, name: str) -> list[Remark]:
+    """Return a remark if the hole turns implausibly from a tie-on that a person gave to the first station in use."""
+    if first is None:
+        return []
+    turned = mc.dogleg(tie_on.inclination, tie_on.azimuth, first.survey.inclination, first.survey.azimuth)
+    length = first.measured_depth - tie_on.measured_depth
+    if not are_sharp(turned, np.asarray(length)):
+        return []
+    text = (
+        f"{name}: the hole turns by {math.degrees(turned):.1f} deg from the tie-on at {tie_on.measured_depth:.2f} m to "
+        f"the station at {first.measured_depth:.2f} m, which is implausible: check the tie-on"
+    )
+    return [Remark(RemarkKind.TIE_ON_SHARP, text, {"dogleg": float(turned), "measured_depth": tie_on.measured_depth})]
 
 
 def well_of(stations: StationList) -> Well | None:

@@ -116,6 +116,18 @@ def test_the_nearest_place_is_the_same_from_both_wells(pair):
     assert least(clearance(pair[1], pair[0], RULE)) == pytest.approx(least(clearance(*pair, RULE)), abs=1e-9)
 
 
+@pytest.mark.parametrize("bend", [1e-10, 2e-9, 1e-8, 1e-7, 1e-6, 1e-5])
+def test_a_bend_too_small_to_see_changes_no_distance(bend):
+    """The nearest point of an arc is found at any radius, also where the stations of a list are rounded."""
+    md = np.arange(0.0, 601.0, 30.0)
+    inc = np.full(md.size, math.radians(5.0))
+    straight = well("B", md, inc, 2.0, (9.0, -21.0, -20.0))
+    bent = well("B", md, inc + bend * (np.arange(md.size) % 2), 2.0, (9.0, -21.0, -20.0))
+    one, two = (clearance(vertical("A", end=600.0), other, RULE) for other in (straight, bent))
+    np.testing.assert_allclose(np.interp(one.md, two.md, two.distance), one.distance, atol=0.01)
+    np.testing.assert_allclose(np.interp(one.md, two.md, two.factor), one.factor, atol=0.005)
+
+
 @bounded
 @given(pair=pairs(), north=st.floats(-2000.0, 2000.0), east=st.floats(-2000.0, 2000.0))
 def test_wellheads_that_move_together_change_no_clearance(pair, north, east):

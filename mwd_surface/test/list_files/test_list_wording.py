@@ -188,6 +188,17 @@ def test_bearings_by_quadrant_and_sexagesimal_angles_are_the_same_azimuths(azimu
     assert abs(apart) < 3e-4
 
 
+@pytest.mark.parametrize("mark", [".", ","])
+def test_degrees_and_minutes_with_a_space_between_them_are_no_number_of_degrees(mark):
+    text = "MD (m);Inc;Azi\n0;0 00.0;0 00.0\n30;0 30.5;2 30.0\n60;1 30.0;3 06 36.0\n".replace(".", mark)
+    got = read(text)
+    np.testing.assert_allclose(np.degrees(got.inclination), [0.0, 30.5 / 60.0, 1.5])
+    np.testing.assert_allclose(np.degrees(got.azimuth)[1:], [2.5, 3.11])
+    with pytest.raises(ListFileError, match="30 5"):
+        read("MD (m);Inc;Azi\n0;0;0\n30 5;1;2\n60;1;2\n")
+    assert read("MD (m);Inc;Azi\n0;0;0\n1 030;- 0;2\n2 060;0;2\n").md[-1] == 2060.0
+
+
 @given(st.integers(1, 6), st.sampled_from(["before", "behind"]))
 def test_a_blank_azimuth_in_a_table_of_spaces_moves_no_other_cell(blank, place):
     lines = []

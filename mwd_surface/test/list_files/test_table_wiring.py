@@ -89,6 +89,16 @@ def test_without_angles_a_wiring_of_one_sensor_is_named_by_the_dips(q):
     assert faults(g @ WAYS[q].T, b, {}) == {ReasonCode.WIRING}
 
 
+@pytest.mark.parametrize("p", range(len(WAYS)))
+def test_without_angles_a_transverse_axis_in_the_place_of_the_axial_one_is_named_by_the_depths(p):
+    g, b, _ = run(p, count=16)
+    order = np.random.default_rng(p).permutation(len(g))
+    table = columns(g @ WAYS[p].T, b @ WAYS[p].T, {"md_m": 500.0 + 28.0 * np.arange(len(g))})
+    shuffled = {name: np.asarray(cells)[order] for name, cells in table.items()}
+    found = {reason.code for row in table_rows(shuffled) for reason in row.faults}
+    assert found == (set() if WAYS[p][0, 0] else {ReasonCode.WIRING})
+
+
 @pytest.mark.parametrize("built_deg", [75.0, 92.0])
 def test_without_angles_the_other_sign_of_gravity_is_named_before_a_slip_of_the_reference(built_deg):
     g, b, _ = run(11, built_deg=built_deg)

@@ -7,6 +7,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mwd_estimation.core.north import North
 from mwd_estimation.core.reference_field import Reference
@@ -53,6 +55,23 @@ def test_the_path_starts_at_the_first_station_the_wellhead_or_where_the_caller_s
     assert tied.definitive().md.tolist() == [550.0, 600.0]
     with pytest.raises(ValueError, match="no station lies below the tie-on at 900 m"):
         survey_list(bare, tie_on=TieOn(900.0))
+
+
+@given(apart=st.floats(-0.4, 0.4), inclination=st.floats(9.0, 11.0))
+def test_a_tie_on_and_a_station_whose_depths_are_rounded_in_two_units_are_one_station(apart, inclination):
+    bare = list_of(b"md_m,inc,azi_true\n500,10,0\n530,10.3,1\n560,10.9,0\n")
+    tie_on = TieOn(500.0 + apart, math.radians(inclination), 0.0, 20.0, -3.0, 495.0, Origin.GIVEN)
+    surveys = survey_list(bare, tie_on=tie_on)
+    path = surveys.definitive()
+    assert path.md.tolist() == [500.0 + apart, 530.0, 560.0]
+    assert np.degrees(path.dogleg_severity).max() * 30.0 < 2.0
+    assert RemarkKind.TIE_ON_SHARP not in {remark.kind for remark in surveys.remarks}
+
+
+def test_a_tie_on_that_points_elsewhere_than_the_hole_is_named():
+    bare = list_of(b"md_m,inc,azi_true\n500,30,0\n530,30.3,1\n560,30.9,0\n")
+    surveys = survey_list(bare, tie_on=TieOn(500.0, math.radians(30.0), math.radians(180.0), source=Origin.GIVEN))
+    assert RemarkKind.TIE_ON_SHARP in {remark.kind for remark in surveys.remarks}
 
 
 @pytest.mark.parametrize("text", ['{"kind": "work-product-component--WellboreTrajectory:1.1.0"}', '[{"md_m": 0.0}]'])

@@ -21,7 +21,7 @@ from mwd_surface.receiver.carrier.carrier_block import MARGIN, BlockData, BlockD
 from mwd_surface.receiver.carrier.whitening_complex import filtered, prediction_error_filter
 from mwd_surface.receiver.grid import REACH
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
-from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, WordPlace, received
+from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, WordPlace, no_words, received
 
 _HOP = 16  # step of the marker search, symbols
 _PAST = 48  # symbols before a step from which its noise is estimated
@@ -102,7 +102,7 @@ class CarrierReceiver(SampledReceiver):
     def why_nothing(self) -> str:
         """Return the reason, in one sentence, why no word was received."""
         if self._grid.end == 0:
-            return "no words: there are no samples with rising times"
+            return no_words("there are no samples with rising times")
         if not self._markers:
             reason = (
                 f"no marker of this tool on {self._carrier.frequency_hz:g} Hz; either the signal is too weak, the flow"
@@ -115,7 +115,7 @@ class CarrierReceiver(SampledReceiver):
                 " signal is too weak, the tool does not send, or it sends other sequences, words or block_bits than"
                 " this configuration has"
             )
-        return f"no words: {self._beside_line(reason)}"
+        return no_words(self._beside_line(reason))
 
     def _beside_line(self, reason: str) -> str:
         """Return `reason`, preceded by the line that disturbs the carrier, if such a line was found."""

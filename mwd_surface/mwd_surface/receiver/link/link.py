@@ -30,7 +30,7 @@ from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.resampling import LARGEST
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
-from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, believed, item_of
+from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, believed, item_of, no_words
 
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
 # Eb/N0 at which 19 of 20 words of 13 bits with parity are right (docs/benchmarks.md, limits of the code).
@@ -309,7 +309,7 @@ class Link:
         if self.now_s - on_since < self._expected_s:
             return f"waiting for the sync, {self._tool.transmit_delay_s:g} s after flow-on"
         reason = frame.reason if frame is not None else ""
-        reason = reason or self._receiver.why_nothing().removeprefix("no words: ")
+        reason = reason or self._receiver.why_nothing().removeprefix(no_words(""))
         return "; ".join(filter(None, (reason, self._tool_flow.contradiction(self.now_s))))
 
     def _heard(self) -> tuple[FrameReport | None, ReceivedWord | None, list[ReceivedWord]]:

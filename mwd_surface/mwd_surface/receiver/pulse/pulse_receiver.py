@@ -18,7 +18,7 @@ from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.pulse.survey_memory import SurveyMemory
 from mwd_surface.receiver.pulse.tracker import Tracker
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
-from mwd_surface.receiver.words import Reception
+from mwd_surface.receiver.words import Reception, no_words
 
 # The search for syncs advances by one hop (an interval of this length) at a time. To search a hop, pressure before it
 # is needed for the noise model, and pressure after it for the pulses that begin in the hop.
@@ -105,16 +105,16 @@ class PulseReceiver(SampledReceiver):
     def why_nothing(self) -> str:
         """Return the reason, in one sentence, why there is no word or none is believed."""
         if self._grid.end == 0:
-            return "no words: there are no samples with rising times"
+            return no_words("there are no samples with rising times")
         # Tolerance for the rounding of the interpolation between equal samples.
         if self._highest - self._lowest <= 1e-9 * abs(self._highest):
-            return f"no words: the gauge is stuck at {self._highest / 1e5:.6g} bar"
+            return no_words(f"the gauge is stuck at {self._highest / 1e5:.6g} bar")
         longest, needed = self._longest_flow_s, self._tool.transmit_delay_s + self._tool.head_s
         started = any(math.isfinite(span.end_s) for span in self._flow.spans)
         if longest >= needed and not started and self._best < _CLEAR_SYNC:
             # The words after a false sync say nothing about the signal.
-            return (
-                "no words: no sync of this tool in the pressure, which contains no start of the pumps, and the tool"
+            return no_words(
+                "no sync of this tool in the pressure, which contains no start of the pumps, and the tool"
                 " sends its sync after they start; begin before the pumps start; if their start is contained, the"
                 f" signal is too weak for pulses of {self._tool.pulse_width_s:g} s, the tool does not send, or"
                 " pulse_width_s or sync of the tool configuration is wrong"
@@ -128,8 +128,8 @@ class PulseReceiver(SampledReceiver):
         if self._reason:
             return f"no words believed: {self._reason}"
         if longest < needed:
-            return (
-                f"no words: the flow was on for {longest:.0f} s at most, and the sync ends {needed:.0f} s after"
+            return no_words(
+                f"the flow was on for {longest:.0f} s at most, and the sync ends {needed:.0f} s after"
                 " flow-on; keep the pumps on longer"
             )
         return self._why_no_sequence()
@@ -139,19 +139,19 @@ class PulseReceiver(SampledReceiver):
         # Noise reaches this score somewhere in the pressure in about one recording of ten.
         chance = math.log(max(self._grid.end / STEPS_PER_TU * SAMPLES_PER_TU, 1.0)) + 2.0
         if self._best < max(chance, synchronisation.THRESHOLD):
-            return (
-                "no words: no sync of this tool in the pressure; either the signal is too weak for pulses of"
+            return no_words(
+                "no sync of this tool in the pressure; either the signal is too weak for pulses of"
                 f" {self._tool.pulse_width_s:g} s, the tool does not send, or pulse_width_s or sync of the tool"
                 " configuration is wrong"
             )
         if self._best < _CLEAR_SYNC:
-            return (
-                f"no words: the signal is too weak for words: its sync has about {_sync_db(self._best):.0f} dB with"
+            return no_words(
+                f"the signal is too weak for words: its sync has about {_sync_db(self._best):.0f} dB with"
                 f" pulses of {self._tool.pulse_width_s:g} s, and words need {_NEEDED_DB:g} dB all the time; use wider"
                 " pulses"
             )
-        return (
-            f"no words: a clear sync ({_sync_db(self._best):.0f} dB), but no sequence of this configuration after it;"
+        return no_words(
+            f"a clear sync ({_sync_db(self._best):.0f} dB), but no sequence of this configuration after it;"
             " check sequences, header_bits and parity"
         )
 
