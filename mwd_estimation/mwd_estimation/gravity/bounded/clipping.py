@@ -180,8 +180,8 @@ def follow_rate(p: BoundedParams, s: BoundedRecord, dt: float, wx: float, flag: 
         return _end_clipping(s)
     if dt > 0.0:
         late = c.slope
-        c.slope += dt / (SLOPE_LAG + dt) * ((wx - s.last_w[0]) / dt - late)
-        c.curve += dt / (CURVE_LAG + dt) * ((c.slope - late) / dt - c.curve)
+        c.slope += (wx - s.last_w[0] - late * dt) / (SLOPE_LAG + dt)
+        c.curve += (c.slope - late - c.curve * dt) / (CURVE_LAG + dt)
     return False
 
 

@@ -34,7 +34,7 @@ from mwd_estimation.gravity.bounded import (
     scale,
 )
 from mwd_estimation.gravity.bounded.field_roll import MagneticSamples
-from mwd_estimation.gravity.bounded.params import BoundedParams
+from mwd_estimation.gravity.bounded.params import BoundedParams, as_record
 from mwd_estimation.gravity.bounded.state import (
     ERRORS,
     STEADY,
@@ -114,13 +114,13 @@ def _follow(
     params: BoundedParams, state: BoundedState, samples: _Samples, mag: MagneticSamples | None, log: Log
 ) -> Track:
     out = Track.empty(len(samples[0]))
-    _run(params, state.clock, state.motion, state.record, samples, mag or MagneticSamples.none(), out, log)
+    _run(as_record(params), state.clock, state.motion, state.record, samples, mag or MagneticSamples.none(), out, log)
     return out
 
 
 @compiled
 def _run(
-    p: BoundedParams,
+    settings: Samples,
     clocks: Samples,
     motions: Samples,
     records: Samples,
@@ -129,6 +129,7 @@ def _run(
     out: Track,
     log: Log,
 ) -> None:
+    p: BoundedParams = settings[0]
     clock: track.TrackClock = clocks[0]
     motion: track.TrackMotion = motions[0]
     s: BoundedRecord = records[0]

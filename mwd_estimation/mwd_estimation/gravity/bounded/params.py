@@ -5,7 +5,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.records import dtype_of
 
 
 class BoundedParams(NamedTuple):
@@ -56,3 +60,15 @@ class BoundedParams(NamedTuple):
     #: Longest data gap over which the attitude is continued, s; after a longer one the filter restarts. Sigma shows the
     #: quality of the continuation: a rotating tool loses its toolface over such a gap, a resting one does not.
     max_bridged_gap_s: float = 10.0
+
+
+_RECORD = dtype_of(BoundedParams)
+
+
+def as_record(params: BoundedParams) -> Samples:
+    """
+    Return the settings as a record with the same fields, in an array of shape (1,).
+
+    A kernel passes a record to another kernel by reference, but it copies all values of a named tuple at every call.
+    """
+    return np.array([params], dtype=_RECORD)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import math
 from collections.abc import MutableSequence
 from typing import Annotated, Any, NamedTuple
 
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core import track
 from mwd_estimation.core.ring import Ring
-from mwd_estimation.gravity.bounded.params import BoundedParams
-from mwd_sensors.core.arrays import Array
+from mwd_estimation.gravity.bounded.params import BoundedParams, as_record
+from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
@@ -346,13 +347,20 @@ def forget_density(s: BoundedRecord) -> None:
 def initial(params: BoundedParams) -> BoundedState:
     """Return the state before the first sample."""
     record = np.zeros(1, dtype=RECORD)
-    s = record[0]
-    s.g_t[:] = np.nan
-    s.q[3] = 1.0
-    s.C[:] = np.eye(3)
-    forget(params, s)
-    s.meaning.sampled, s.meaning.coning, s.meaning.odds = params.sampled, params.coning, -STATED
+    _begin(as_record(params), record)
     return BoundedState(np.zeros(1, track.CLOCK), np.zeros(1, track.MOTION), record)
+
+
+@compiled
+def _begin(settings: Samples, records: Samples) -> None:
+    """Set the values before the first sample that are not 0."""
+    p: BoundedParams = settings[0]
+    s: BoundedRecord = records[0]
+    s.q[3] = 1.0
+    for j in range(3):
+        s.g_t[j], s.C[j, j] = math.nan, 1.0
+    forget(p, s)
+    s.meaning.sampled, s.meaning.coning, s.meaning.odds = p.sampled, p.coning, -STATED
 
 
 class Log(NamedTuple):
