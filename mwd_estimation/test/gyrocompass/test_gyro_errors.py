@@ -74,6 +74,16 @@ def test_time_passes_in_any_steps(seconds):
     assert_allclose(steps.mean, whole.mean)
 
 
+def test_a_ramp_is_the_same_after_ten_minutes_and_another_after_two_hours_unless_it_lasts():
+    begun = gyro_errors.stated(PARAMS)
+    begun.mean[:, 3:6] = 1.0
+    kept = {seconds: gyro_errors.after(begun, PARAMS, seconds).mean[:, 3] for seconds in (600.0, 7200.0)}
+    lasts = kept[7200.0] == 1.0
+    assert 0.0 < lasts.mean() < 0.5
+    assert kept[600.0].min() > 0.8
+    assert kept[7200.0][~lasts].max() < 0.2
+
+
 def test_each_kind_of_unit_has_its_exact_posterior_and_evidence_whatever_the_seek_supposed():
     rng = np.random.default_rng(1)
     value, H = reading(np.array([3.0, -4.0, 2.0]) * DEG_PER_HOUR, 0.7, rng, any_toolface(rng))
