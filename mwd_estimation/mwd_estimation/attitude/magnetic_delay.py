@@ -34,6 +34,9 @@ _LEAST_RESULTANT, _FEW = 0.7, 5
 # 1 sigma of the angle of a bin, rad (the bias of a magnetometer does not average out over an incomplete turn); of the
 # change of the angle from bin to bin, rad; and of the delay before any measurement, s.
 _ANGLE, _WALK, _PRIOR_S = math.radians(2.0), math.radians(0.3), 0.2
+# Correlation of two successive changes of the angle by steel: a string that passes steel takes some seconds, in which
+# the angle changes the same way (`test_steel_that_the_string_leaves_as_it_starts_to_rotate_is_not_taken_for_a_delay`).
+_SAME_WAY = 0.8
 # Rotary speed below which the string counts as at rest, rad/s; and 1 sigma of the angle of a bin at rest, rad. At rest
 # the bias of a magnetometer gives the same error in all bins: 20 bins (ten seconds) count as one with a sigma of 5 deg.
 _RESTS, _REST_ANGLE = 0.5, math.radians(5.0) * math.sqrt(20.0)
@@ -72,7 +75,7 @@ class MagneticDelay:
     def begin_anew(self) -> None:
         """Discard estimate and waiting gravity, for example after wrong rates; keep the waiting magnetic samples."""
         self._angle, self._begun = 0.0, False
-        self._field = np.full(2, np.nan)
+        self._field, self._moved = np.full(2, np.nan), 0.0
         self._P = np.diag([math.pi**2, _PRIOR_S**2])
         self.delay_s = 0.0  #: delay that remains in the corrected stamps, s
         self._imu: list[tuple[Stamps, Array]] = []
@@ -133,9 +136,10 @@ class MagneticDelay:
             rate = np.interp(at[seen], when, speed)
             now = np.interp(at[seen], when, spun)
             field = np.column_stack([np.hypot(b[seen, 0], b[seen, 1]), b[seen, 2]])
-            begun = self._angle, self._begun, self._P.copy(), self.delay_s, self._field
+            begun, covariance = (self._angle, self._begun, self.delay_s, self._field, self._moved), self._P
             for _ in range(_PASSES):
-                self._angle, self._begun, self._P, self.delay_s, self._field = *begun[:2], begun[2].copy(), *begun[3:]
+                self._angle, self._begun, self.delay_s, self._field, self._moved = begun
+                self._P = covariance.copy()
                 self._take_bins(at[seen] // _BIN_NS, np.arctan2(b[seen, 0], b[seen, 1]) - down, rate, field)
                 if abs(self.delay_s) < _LEAST_S:
                     break
@@ -179,12 +183,15 @@ class MagneticDelay:
         field, shape (2,): strength of the field across the axis and component along the axis, T.
 
         A magnetic disturbance near the hole turns the cross-axis field by an angle, rad, of about the relative change
-        of the field.
+        of the field. The changes are correlated from bin to bin, so their variance grows faster than that of a random
+        walk.
         """
         changed = float(np.hypot(*(field - self._field))) / float(field[0])
         self._field = field
         if self._begun and math.isfinite(changed):
-            self._P[0, 0] += changed * changed
+            earlier = _SAME_WAY * self._moved
+            self._P[0, 0] += changed * (changed + 2.0 * earlier)
+            self._moved = earlier + changed
 
     def _update(self, angle: float, rate: float) -> None:
         """

@@ -344,14 +344,13 @@ def kernel_params(params: SeekParams) -> KernelParams:
     )
 
 
-def white_noise(stamp_ns: Stamps, gyro_t: Array, *, turning: bool = False) -> float | None:
+def white_noise(stamp_ns: Stamps, gyro_t: Array) -> float | None:
     """
     Return the white noise of the y and z gyros, deg/sqrt(h), or None for too few samples.
 
-    stamp_ns, shape (n,), ns; gyro_t, shape (n, 3), rad/s. The noise is computed from differences of neighbouring
-    samples, which contain neither bias nor Earth rate; in a turning tool from second differences, which contain no
-    steady rotation either. Pumps shake single samples, but not averages over tenths of a second; if the noise from
-    single samples is clearly larger, the averages are used.
+    stamp_ns, shape (n,), ns; gyro_t, shape (n, 3), rad/s. The noise is computed from second differences of neighbouring
+    samples, which contain neither bias nor Earth rate nor a steady rotation. Pumps shake single samples, but not
+    averages over tenths of a second; if the noise from single samples is clearly larger, the averages are used.
     """
     usable = np.isfinite(gyro_t).all(axis=1)
     stamps, rates = stamp_ns[usable], gyro_t[usable, 1:]
@@ -361,10 +360,9 @@ def white_noise(stamp_ns: Stamps, gyro_t: Array, *, turning: bool = False) -> fl
     if not step > 0.0:
         return None
 
-    order, gain = (2, 6.0) if turning else (1, 2.0)
-
     def density(values: Array, seconds: float) -> float:
-        return math.sqrt(float(np.mean(np.diff(values, order, axis=0) ** 2)) / gain * seconds)
+        # The variance of a second difference of white noise is six times that of the noise.
+        return math.sqrt(float(np.mean(np.diff(values, 2, axis=0) ** 2)) / 6.0 * seconds)
 
     whole = len(rates) // _AVERAGED
     means = rates[: whole * _AVERAGED].reshape(whole, _AVERAGED, 2).mean(axis=1)

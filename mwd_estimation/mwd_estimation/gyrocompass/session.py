@@ -22,9 +22,8 @@ from mwd_estimation.gyrocompass.seek_state import SeekParams, white_noise, with_
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 
-# Number of bins from which the white noise of the unit is measured, and rate below which a tool is at rest, rad/s.
+# Number of bins from which the white noise of the unit is measured.
 _NOISE_BINS = 8
-_AT_REST = 0.05
 # Time added to a requested duration for settling after levelling, and for the first and last bin of a seek, s.
 _SETTLING_S = 2.0
 MODES = ("still", "two_position", "rotating")
@@ -130,10 +129,8 @@ class NorthSession:
         stamps = np.concatenate([precision.stamps for precision, _ in first])
         rates = np.concatenate([precision.values[:, :3] for precision, _ in first])
         x_rates = np.concatenate([*(ahrs[1][:, 0] for _, ahrs in first), rates[:, 0]])
-        fastest = float(np.nanmax(np.abs(x_rates)))
-        noise = white_noise(stamps, rates, turning=fastest >= _AT_REST)
-        params = with_noise(self._unit, noise)
-        if fastest <= 0.9 * self._range:
+        params = with_noise(self._unit, white_noise(stamps, rates))
+        if float(np.nanmax(np.abs(x_rates))) <= 0.9 * self._range:
             return params
         return dataclasses.replace(
             params,

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 import pytest
-from tool_streams import REFERENCE, START, seen, streams
+from tool_streams import REFERENCE, START, earth_field, seen, streams
 
 from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
 from mwd_estimation.core.status import Status
@@ -54,6 +54,27 @@ def test_steel_that_comes_near_while_the_speed_changes_is_not_taken_for_a_delay(
     mag["magnetic_field"] += near * seen(mat, 1e-6 * np.array(steel_ut))
     pipeline, _, _ = estimated(imu, mag)
     assert abs(pipeline.mag_late_ns) < 5_000_000
+
+
+@pytest.mark.parametrize("inclination", [0.6, 0.9, 1.2])
+@pytest.mark.parametrize(("side", "strength_uwb"), [(0.9, 400.0), (3.9, -400.0), (4.0, -400.0)])
+def test_steel_that_the_string_leaves_as_it_starts_to_rotate_is_not_taken_for_a_delay(inclination, side, strength_uwb):
+    # The sensor rests 1.3 m from the magnetic pole of a casing shoe, then drills away from it at 1800 m/h.
+    imu, _ = drilled(rates=((0.0, 15.0), (11.5, 20.0), (0.0, 12.0)))
+    stamps, rate = imu["stamp_ns"], imu["angular_velocity"][:, 0]
+    mat = mat_nt(inclination, np.full(len(imu), 1.9), np.cumsum(rate) * 0.01)
+    axis, right = mat[0, :, 0], np.array([-math.sin(1.9), math.cos(1.9), 0.0])
+    away = math.cos(side) * right + math.sin(side) * np.cross(axis, right)
+    drilled_m = np.cumsum(np.clip(rate / 11.5, 0.0, 1.0)) * 0.01 * 0.5
+    from_pole = (0.5 + drilled_m)[:, None] * axis - 1.2 * away
+    steel_n = strength_uwb * 1e-6 / (4.0 * math.pi) * from_pole / np.linalg.norm(from_pole, axis=1)[:, None] ** 3
+    field = np.einsum("kji,kj->ki", mat, earth_field() + steel_n)
+    delay = MagneticDelay()
+    for begin in range(START, int(stamps[-1]), SPAN_NS):
+        part = (stamps >= begin) & (stamps < begin + SPAN_NS)
+        delay.take(stamps[part], mat[part, 2], rate[part])
+        delay.take_mag(stamps[part], field[part])
+        assert delay.judge(begin + SPAN_NS) == 0
 
 
 @pytest.mark.fault_case(51)

@@ -199,6 +199,18 @@ def test_a_string_that_changed_during_a_trip_is_not_taken_for_the_one_before():
     assert min(trip(0.5, rng)) > 3.0
 
 
+def test_the_field_of_a_string_changes_little_in_an_hour_of_drilling_and_by_its_own_size_in_a_day():
+    model, along, changed = RunFilter(Priors(), SIGMAS), Shared.FIELD_BIAS, []
+    for k in range(49):
+        model.pass_time(0.5 * k)
+        share = model.state.covariance[:, along, along] / model.filters.variance[:, along] - 1.0
+        np.testing.assert_allclose(share, share[0], atol=1e-9)
+        changed.append(math.sqrt(share[0]))
+    assert changed[0] == 0.0
+    assert 0.06 < changed[2] < 0.1
+    assert 0.9 < changed[-1] < 1.1
+
+
 @pytest.mark.slow(2)
 def test_remanence_that_grows_steadily_through_a_landing_stays_within_sigma():
     rng, model, off = np.random.default_rng(7), RunFilter(Priors(), SIGMAS), []

@@ -52,7 +52,8 @@ class SharedErrors(NamedTuple):
 Shared = SharedErrors()
 SIZE = Shared.SIZE
 # Change of the string's field along the axis in an hour, because the string shakes in the Earth's field while it
-# drills: 1 sigma as a share of the field. The benchmark's rows "remanence growing" show whether it is large enough.
+# drills: 1 sigma as a share of the field (`test_run_filter.py`). The benchmark's rows "remanence growing" show whether
+# it is large enough.
 _RATE_SHARE = 0.08
 # Smallest inclination, rad, with which the axes of a station are computed; a hole nearer to the vertical is treated as
 # if it had this inclination.

@@ -83,8 +83,9 @@ TURNED = math.radians(15.0)
 # A change of the string is more probable than `Priors.string_change` if a trip out of the hole and back fits into the
 # gap between two stations: duration of a trip, h, and probability of a change in a much longer gap.
 _TRIP_HOURS, _TRIPS = 12.0, 0.5
-# Time in which the change of the string's field along the axis takes another value, h. Without the change the
-# benchmark's rows "remanence growing" have up to 8 % of the stations beyond 3 sigma.
+# Time in which the change of the string's field along the axis takes another value, h: in a day of drilling the field
+# changes by its own size (`test_run_filter.py`). Without the change the benchmark's rows "remanence growing" have up to
+# 8 % of the stations beyond 3 sigma.
 RATE_HOURS = 4.0
 # The azimuth error of a drifting gyro is a random walk: 1 sigma after an hour, rad. This covers a drift of 24 deg in
 # half a day, and a frozen gyro in a hole that turns by 3 deg per stand of half an hour.
