@@ -15,7 +15,9 @@ copies of a message must be removed before (`repeated_samples`).
 A straight line is fitted to the stamps over the sample number; its slope is the period, and its memory grows to
 `_LINE_MEMORY` stamps. Of samples that share a stamp, the first is fitted, because the clock has just advanced there;
 the times are then shifted so that the mean time of the samples is their stamp. Stamps far from the line mean that
-samples are missing or that the clock was set; the line then continues from these stamps with the same period. If all
+samples are missing or that the clock was set; the line then continues from these stamps with the same period. Where
+samples share stamps, the first sample of a stamp was measured within a period after the clock advanced; after a missing
+sample, the next stamps are farther from the line, and the number of missing samples is known again. If all
 intervals are multiples of the period, the stamps are returned unchanged, bit for bit, whether samples are missing or
 not. Batches of whole periods with increasing stamps are also returned unchanged, because they look like missing
 samples.
@@ -183,12 +185,20 @@ def take_step(s: JitterState, step: float) -> None:
 
 
 _LINE_MEMORY = 1000  # longest memory of the line, stamps: the jitter of a stamp becomes 16 times smaller
-_SHARED_MEMORY = 400  # the same for samples that share stamps: missing samples are not seen at once
+# The same for samples that share stamps, and the memory with which their line begins and continues after missing
+# samples. The period from the count of samples is too long if samples are missing; a short memory corrects it soon.
+_SHARED_MEMORY, _SHARED_FIRST = 400, 16
 _EVEN = 1e-4  # jitter below which stamps stay unchanged, s; 1e-4 s is a toolface error of 0.07 deg at 120 r/min
 # A stamp is far from the line, so that it is late or samples are missing, if its distance is more than half a period
 # and more than _FAR sigmas. A stamp that is more than _LATE periods after the line follows missing samples.
 _FAR, _LATE = 3.0, 10.0
-_SHARED_FAR = 1.25  # the same limit, in periods, of samples that share stamps
+# The same limit, in periods, of samples that share stamps, and the limit of stamps after the line while samples are
+# missing. The first limit is larger, because a coarse clock that drifts along the samples gives now and then a sample
+# more or less to a stamp.
+_SHARED_FAR, _LOSSY_FAR = 1.25, 0.7
+# Some samples are missing if the root mean square distance of the stamps from the line is above this share of a period.
+# If no sample is missing, the distances are spread over one period (0.29).
+_SPREAD = 0.45
 # A second stamp at the same distance from the line, within this share of a period or _FAR sigmas, confirms that samples
 # are missing. If they usually are, the first stamp is enough: share of such stamps above which they usually are, and
 # weight of the newest one.
@@ -208,6 +218,7 @@ class ClockState:
     square: float  #: mean squared distance of the stamps from the line, s^2
     missing: float  #: share of the stamps far from the line that followed missing samples, 0 to 1; the others were late
     waiting: float  #: distance of the last stamp from the line, s, if it was far and is not explained yet, otherwise 0
+    lossy: bool  #: whether samples were missing in the last stamps, at most `_SHARED_MEMORY`; only if they share stamps
     moved: float  #: time, s, by which the line was moved at the last stamp, because samples seemed to be missing
 
 
@@ -253,7 +264,7 @@ def _run(state: Samples, steps: Samples, stamps: Stamps, times: Stamps) -> None:
             s.count = 0
         else:
             _follow(s, j, step, gap)
-        if s.count >= _FIRST:
+        if s.count > 0:
             # The line goes through the first sample of each stamp; the mean time of the samples is their stamp.
             time = stamp + round(1e9 * (s.line_s - s.period * j.places / max(j.group, 1.0)))
         # After a restart the line may give earlier times for some samples; the returned times must still increase.
@@ -271,7 +282,9 @@ def _follow(s: ClockState, j: JitterState, step: float, gap: bool) -> None:
     if s.count <= 0:
         s.count += int(s.count < 0)
         if s.count == 0 and is_known(j):
-            s.count, s.period, s.square = _FIRST, sensor_period(j), _expected(j) ** 2
+            s.count, s.period, s.square, s.lossy = _FIRST, sensor_period(j), jitter(j) ** 2, False
+            if shares_stamps(j):
+                s.count, s.square = _SHARED_FIRST, s.period * s.period / 12.0
             s.line_s, s.waiting, s.moved = j.place * s.period, 0.0, 0.0
         return
     s.line_s += s.period - step
@@ -279,22 +292,30 @@ def _follow(s: ClockState, j: JitterState, step: float, gap: bool) -> None:
         return
     # Distance of the stamp from the line.
     off, spread = -s.line_s, _FAR * math.sqrt(max(s.square, 0.0))
-    # A coarse clock that drifts along the samples gives now and then a sample more or less to a stamp.
-    least = _SHARED_FAR if shares_stamps(j) else 0.5
-    if abs(off) > max(least * s.period, spread) or gap:
-        _explain(s, off, max(_ALIKE * s.period, spread), gap)
+    shared = shares_stamps(j)
+    late = early = max(0.5 * s.period, spread)
+    if shared:
+        late = early = max(_SHARED_FAR * s.period, _FAR * jitter(j))
+        if s.lossy:
+            late = min(late, _LOSSY_FAR * s.period + _FAR * jitter(j))
+    if off > late or off < -early or gap:
+        _explain(s, off, max(_ALIKE * s.period, spread), gap, shared)
         return
     if s.waiting != 0.0:
         s.missing -= _LEARNS * s.missing
     if s.moved != 0.0:
         s.missing += _LEARNS * (1.0 - s.missing)
     s.waiting = s.moved = 0.0
-    s.count = min(s.count + 1, _SHARED_MEMORY if shares_stamps(j) else _LINE_MEMORY)
+    s.count = min(s.count + 1, _SHARED_MEMORY if shared else _LINE_MEMORY)
     n = float(s.count)
     # Gains of a straight line fitted by least squares to n points, at its end; the points are `group` samples apart.
     s.line_s += 2.0 * (2.0 * n - 1.0) / (n * (n + 1.0)) * off
     s.period += 6.0 / (n * (n + 1.0)) * off / max(j.group, 1.0)
     s.square += max(1.0 / n, 1.0 / 200.0) * (off * off - s.square)
+    if shared and not s.lossy and s.square > _SPREAD * _SPREAD * s.period * s.period + jitter(j) ** 2:
+        s.lossy, s.count = True, _SHARED_FIRST
+    elif s.count == _SHARED_MEMORY:
+        s.lossy = False
     if s.square > max(_ASTRAY * _expected(j), _LOOSE * s.period) ** 2:
         s.count = -_REST
 
@@ -307,13 +328,13 @@ def _expected(j: JitterState) -> float:
 
 
 @compiled
-def _explain(s: ClockState, off: float, alike: float, gap: bool) -> None:
+def _explain(s: ClockState, off: float, alike: float, gap: bool, shared: bool) -> None:
     """
     Move the line by whole periods if samples are missing or the clock was set, but not if a single stamp is late.
 
     After missing samples the next stamps are as far from the line, or farther; after a late stamp they are nearer. off:
     distance of a stamp from the line, s; alike: largest difference of equal distances, s; gap: whether there is a data
-    gap before the stamp.
+    gap before the stamp; shared: whether samples share stamps.
     """
     whole = s.period * round(off / s.period)
     # Not nearer than the last stamp, on the same side: more samples may be missing.
@@ -331,5 +352,7 @@ def _explain(s: ClockState, off: float, alike: float, gap: bool) -> None:
     s.line_s += whole
     s.moved = whole if first and not undone else 0.0
     s.waiting = 0.0
-    if abs(off - whole) > 0.25 * s.period:
+    if shared:
+        s.count, s.lossy = min(s.count, _SHARED_FIRST), True
+    elif abs(off - whole) > 0.25 * s.period:
         s.count = min(s.count, _FIRST)

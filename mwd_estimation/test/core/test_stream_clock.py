@@ -119,3 +119,17 @@ def test_missing_samples_do_not_lead_uneven_stamps_astray(kind, missing):
     late = slice(len(true) // 3, None)
     error = (StreamClock().times(stamps) - true)[late]
     assert np.std(error) < 0.15 * np.std((stamps - true)[late])
+
+
+@pytest.mark.parametrize("missing", [0.01, 0.05])
+@pytest.mark.parametrize(("hz", "tick_s"), [(100, 0.016), (100, 0.02), (100, 0.08), (104, 0.01), (400, 0.016)])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_missing_samples_shift_only_the_samples_near_them_where_samples_share_a_stamp(hz, tick_s, missing, seed):
+    rng = np.random.default_rng(seed)
+    true = (measured(hz, 60 * hz) + 1_234_567)[rng.random(60 * hz) >= missing]
+    tick = round(tick_s * 1e9)
+    late = slice(len(true) // 3, None)
+    error = (StreamClock().times(true // tick * tick) - true)[late] * 1e-9 * hz
+    assert np.median(np.abs(error - np.median(error))) < 0.4
+    # It is not known which of the samples of a stamp is missing, so two steps may be wrong.
+    assert np.mean(np.abs(np.diff(error)) > 0.5) < 2.0 * missing + 0.005

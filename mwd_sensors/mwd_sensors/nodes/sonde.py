@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node of the simulated sonde: publish the sensor topics of a scenario, in wall time or faster."""
+"""Node of the simulated sonde: publish the sensor topics of a scenario, in wall time, simulated time, or faster."""
 
 from __future__ import annotations
 
@@ -41,6 +41,7 @@ _BLOCK_S, _MOST_BLOCK_S = 0.1, 1.0
 _TIMER_PERIOD = 0.005  # time between two timer callbacks, s
 _CALL_S = 0.05  # longest time of one timer callback, s, not counting the last simulated block
 _MOST_BEHIND_S = 1.0  # longest lag that the simulation catches up, s of wall time; a longer lag is skipped
+_SET_BACK_S = 1.0  # a step back of simulated time, s, after which the scenario starts again (`time_jumps.BACK_NS`)
 # Largest number of messages that one timer callback publishes: more messages at once, after a delay, would overrun the
 # middleware's queues.
 _MAX_PER_CALLBACK = 100
@@ -105,7 +106,9 @@ class SondeNode(GraphNode[SondeSettings]):
     """
     Node of the simulated sonde, which publishes the topics of `wire.SONDE_TOPICS`.
 
-    The stamps begin at the time of the node at the start of the scenario.
+    The stamps begin at the time of the node at the start of the scenario. With `use_sim_time` the scenario follows
+    `/clock`: it runs as fast, stops while the clock stops, and starts again if the clock goes back by more than a
+    second.
     """
 
     changeable = ("fault_injection",)
@@ -169,7 +172,7 @@ class SondeNode(GraphNode[SondeSettings]):
         self._simulated_until = 0.0
         self._sample_counts = dict.fromkeys(_THINNED, 0)
         self._pending: list[tuple[float, int, str, bytes]] = []
-        self._started_at = time.monotonic()
+        self._started_at = self._latest = self._now()
         self._dropped_s = 0.0
         if self._telemetry is not None:
             self._telemetry.start(sonde)
@@ -177,6 +180,12 @@ class SondeNode(GraphNode[SondeSettings]):
             printable(f"scenario {self._scenario.name}: {sonde.duration:.0f} s, field {sonde.reference.source}")
         )
         return sonde
+
+    def _now(self) -> float:
+        """Return the time that the scenario follows, s: simulated time with `use_sim_time`, otherwise steady time."""
+        if self.get_parameter("use_sim_time").value:
+            return float(1e-9 * self.get_clock().now().nanoseconds)
+        return time.monotonic()
 
     def _awaits_node(self) -> bool:
         wanted = self.settings.wait_for_node
@@ -196,13 +205,19 @@ class SondeNode(GraphNode[SondeSettings]):
                 # Simulated time without a clock message yet: wait, so that no sample is stamped with 1970.
                 return
             sonde = self._start()
+        now = self._now()
+        if now < self._latest - _SET_BACK_S:
+            self.get_logger().warning("time went back: the scenario starts again")
+            self._sonde, self._finished = None, False
+            return
+        self._latest = max(self._latest, now)
         if self._finished:
             drained = self._telemetry is None or self._telemetry.drained(time.monotonic() - self._finished_at)
             if self.settings.exit_at_end and drained:
                 self.request_stop()
             return
         rate = self.settings.rate
-        elapsed = time.monotonic() - self._started_at
+        elapsed = now - self._started_at
         until = elapsed * rate if rate > 0.0 else self._simulated_until + self._block_s
         if rate > 0.0 and until - self._simulated_until > _MOST_BEHIND_S * max(rate, 1.0):
             # Do not try to catch up: shift the start of the scenario by the backlog.
@@ -309,7 +324,7 @@ class SondeNode(GraphNode[SondeSettings]):
             return Diagnostic("scenario", WARN, f"waiting for {wanted or 'a listener'}", remedy, values)
         if self._finished:
             return Diagnostic("scenario", OK, "over", values=(*values, wire.OVER))
-        elapsed, rate = self._dropped_s + time.monotonic() - self._started_at, self.settings.rate
+        elapsed, rate = self._dropped_s + self._now() - self._started_at, self.settings.rate
         if rate > 0.0 and (behind := elapsed - self._simulated_until / rate) > 1.0:
             remedy = "lower the rate, or end other programs on this machine"
             return Diagnostic("scenario", WARN, f"{behind:.1f} s behind the clock", remedy, values)

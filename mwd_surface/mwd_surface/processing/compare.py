@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.core.arrays import Stamps
 from mwd_sensors.core.input_files import read_yaml
 from mwd_surface.bags.bag_files import recording_of
 from mwd_surface.bags.bag_reader import Bag
@@ -296,9 +297,9 @@ def _side_by_side(ours: Iterator[Rows], expected: Iterator[Rows], walk: _Walk) -
     """
     Yield, block by block, the rows of both runs that have equal stamps; count all other rows in `walk`.
 
-    If a block repeats a stamp, only the first row with this stamp is used.
+    Rows that share a stamp are paired in their order.
     """
-    ours, expected = (map(_in_order, run) for run in (ours, expected))
+    ours, expected = _whole_stamps(ours), _whole_stamps(expected)
     a, b = next(ours, None), next(expected, None)
     while a is not None and b is not None:
         if not len(a["stamp_ns"]) or not len(b["stamp_ns"]):
@@ -308,7 +309,7 @@ def _side_by_side(ours: Iterator[Rows], expected: Iterator[Rows], walk: _Walk) -
         until = min(int(a["stamp_ns"][-1]), int(b["stamp_ns"][-1]))
         head_a, a = _cut(a, until)
         head_b, b = _cut(b, until)
-        _, in_a, in_b = np.intersect1d(head_a["stamp_ns"], head_b["stamp_ns"], return_indices=True)
+        _, in_a, in_b = np.intersect1d(*_numbers(head_a["stamp_ns"], head_b["stamp_ns"]), return_indices=True)
         walk.rows_extra += len(head_a["stamp_ns"]) - len(in_a)
         walk.rows_missing += len(head_b["stamp_ns"]) - len(in_b)
         yield _rows(head_a, in_a), _rows(head_b, in_b)
@@ -316,8 +317,26 @@ def _side_by_side(ours: Iterator[Rows], expected: Iterator[Rows], walk: _Walk) -
     walk.rows_missing += _left(b, expected)
 
 
-def _in_order(rows: Rows) -> Rows:
-    return _rows(rows, np.unique(rows["stamp_ns"], return_index=True)[1])
+def _whole_stamps(blocks: Iterator[Rows]) -> Iterator[Rows]:
+    """Yield rows in blocks, each in the order of its stamps; successive rows with one stamp are in one block."""
+    held: Rows | None = None
+    for block in blocks:
+        rows = block if held is None else {name: np.concatenate([held[name], block[name]]) for name in block}
+        rows = _rows(rows, np.argsort(rows["stamp_ns"], kind="stable"))
+        if not len(rows["stamp_ns"]):
+            continue
+        whole, held = _cut(rows, int(rows["stamp_ns"][-1]) - 1)
+        yield whole
+    if held is not None:
+        yield held
+
+
+def _numbers(ours: Stamps, expected: Stamps) -> tuple[Stamps, Stamps]:
+    """Return a number for each row of two runs, equal for the k-th rows with one stamp; the stamps are in order."""
+    code = np.unique(np.concatenate([ours, expected]), return_inverse=True)[1]
+    place = np.concatenate([np.arange(len(one)) - np.searchsorted(one, one) for one in (ours, expected)])
+    number = code * (place.max(initial=0) + 1) + place
+    return number[: len(ours)], number[len(ours) :]
 
 
 def _cut(rows: Rows, until_ns: int) -> tuple[Rows, Rows]:

@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from mwd_estimation.core.stream_clock import StreamClock
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import Place
 from mwd_sensors.calibration import tumble
@@ -242,14 +243,14 @@ def within_calibration(settings: EstimatorSettings, path: Path) -> EstimatorSett
 def _run(
     source: str, unit: str, joined: Mapping[str, Samples], topics: tuple[str, str | None, str | None]
 ) -> CalibrationReadings:
-    imu = _ordered(joined[topics[0]])
+    imu = _ordered(_at_measured_times(joined[topics[0]]))
     if len(imu) < 100:
         raise ValueError(f"{source}: {len(imu)} samples are too few for a calibration")
     stamps = imu["stamp_ns"]
     rate = float(1e9 / np.median(np.diff(stamps)))
     mag = None
     if topics[1] is not None and topics[1] in joined and len(joined[topics[1]]) > 1:
-        field = _ordered(joined[topics[1]])
+        field = _ordered(_at_measured_times(joined[topics[1]]))
         mag = np.column_stack(
             [_interpolated(stamps, field["stamp_ns"], field["magnetic_field"][:, axis]) for axis in range(3)]
         )
@@ -258,6 +259,13 @@ def _run(
     heat = _ordered(joined[topics[2]])
     celsius = _interpolated(stamps, heat["stamp_ns"], heat["temperature"])
     return CalibrationReadings(source, unit, imu, mag, celsius, rate)
+
+
+def _at_measured_times(samples: Samples) -> Samples:
+    """Return the samples with the times of the sensor (`core.stream_clock`), because samples may share a stamp."""
+    samples = samples.copy()
+    samples["stamp_ns"] = StreamClock().times(np.ascontiguousarray(samples["stamp_ns"]))
+    return samples
 
 
 def _ordered(samples: Samples) -> Samples:

@@ -107,6 +107,24 @@ def test_a_bag_and_the_scenario_itself_give_the_same_samples_to_calibrate(tmp_pa
     assert (run.source, again.source) == ("bag tumble", "scenario tumble, seed 1")
 
 
+@pytest.mark.parametrize("tick_s", [0.016, 0.08])
+def test_a_coarse_clock_loses_no_sample_of_a_calibration(tick_s):
+    tumble = scenario.read(TUMBLE)
+    begun, tick = dataclasses.replace(tumble, schedule=tumble.schedule[:8], cycles=1), round(tick_s * 1e9)
+    topics = (calibration_run.UNITS["ahrs"], "imu/mag", "imu/temperature")
+    blocks = list(Sonde(begun).blocks(10.0))
+    joined = {topic: np.concatenate([block[topic] for block in blocks]) for topic in topics}
+    sound = calibration_run._run("sound", "ahrs", joined, topics)
+    for topic in topics[:2]:
+        joined[topic]["stamp_ns"] = joined[topic]["stamp_ns"] // tick * tick
+    coarse = calibration_run._run("coarse", "ahrs", joined, topics)
+    assert_array_equal(coarse.imu["angular_velocity"], sound.imu["angular_velocity"])
+    assert coarse.rate == pytest.approx(sound.rate, rel=0.01)
+    # The times of the first second are not known yet.
+    late = slice(100, None)
+    assert np.std(np.linalg.norm(coarse.mag - sound.mag, axis=1)[late]) < 1e-7
+
+
 def test_the_file_keeps_every_figure(tmp_path):
     _, _, found, _ = tumbled()
     calibration_run.write(tmp_path / "new" / "cal.yaml", found, {"from": "here", "gravity_mps2": 9.8})
