@@ -144,8 +144,8 @@ WORDS: dict[Code, str] = {
     Code.UNCERTAIN_SENSOR: _UNCERTAIN + "a sensor may be out of calibration, or shielded by magnetic mud; "
     "check the tool at surface",
     Code.UNCERTAIN_FOR_ANY_TOOL: "the sigma of the azimuth is {value:.0f deg}, and {limit:.0f deg} here even "
-    "with a faultless magnetic tool: the horizontal field is weak, or the string is of steel; use a gyro, or, if one "
-    "was used, seek longer or at two toolfaces, and state its g-sensitivity (tool.precision.gyro.g_deg_h_g)",
+    "with a faultless magnetic tool: the horizontal field is weak, or the string is of steel; use a gyro at two "
+    "toolfaces",
     Code.GYRO_DISAGREES: "gyro and magnetic azimuth disagree (probability {value:.0f %} that the gyro is wrong): "
     "let the tool rest and survey again, at another toolface if it can be turned",
     Code.PROPAGATED_DISAGREES: "the azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from the azimuth that the "
