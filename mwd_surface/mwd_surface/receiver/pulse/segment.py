@@ -42,7 +42,9 @@ from mwd_surface.receiver.pump_lines import Crank, PumpNoise, lines, pump_noise
 from mwd_surface.receiver.whitening import FLOOR, ORDER, correlated, filtered, precision, prediction_error_filter
 
 _ROUNDS = 3
-_TAIL = 24  # samples by which whitening lengthens the response
+# Samples by which whitening lengthens the response; at most `SEARCH_ORDER`, the order of the first noise model. With 60
+# samples as many words are right, and with 0 samples a word in stalls becomes wrong.
+_TAIL = 24
 _FEW = 1e-4  # a smaller expected number of pulses at a place counts as 0
 # Prior probability that the pulse of a packet is missing, and probability that its window holds a second pulse.
 MISSING, _EXTRA = 0.003, 0.0005

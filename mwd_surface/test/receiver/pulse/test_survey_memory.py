@@ -72,6 +72,16 @@ def test_behind_a_rest_a_survey_that_differs_by_one_word_is_another_one(rested, 
     assert memory.settle(words)[1].raw == taken
 
 
+@pytest.mark.parametrize(("places", "repeated"), [((0, 1), True), ((3, 6), False)])
+def test_two_equal_long_words_show_a_repeat_and_two_short_ones_do_not(places, repeated):
+    """Temperature and battery often keep their codes from survey to survey; inclination and azimuth do not."""
+    texts = " ".join(f"{ITEMS[k].name}:{ITEMS[k].bits}:P" for k in places)
+    memory = SurveyMemory(dataclasses.replace(TOOL, survey_sequences=(texts,)), at_once)
+    words = [dataclasses.replace(survey(confidence=0.98)[k], index=index) for index, k in enumerate(places)]
+    memory.settle(words)
+    assert all((word.confidence > 0.99) == repeated for word in memory.settle(words))
+
+
 def test_another_survey_is_not_taken_for_the_same():
     memory = SurveyMemory(TOOL, at_once)
     memory.settle(survey())
