@@ -31,7 +31,7 @@ START_SIGMA = 0.06  # smallest sigma of the first tilt, rad
 START_SPEED = 0.5  # 1 sigma of the velocity at a start, m/s; its variance doubles for a force scatter of 1 g
 START_PLACE = 0.1  # 1 sigma of the displacement at a start, m
 KEPT_SIGMA = 0.05  # added to the sigma of an inclination that is kept from before a restart, rad
-LOST_AFTER = 1.0  # smallest averaging time of the mean force for detecting a lost attitude, s
+LOST_AFTER = 1.0  # time for which the mean force must contradict the attitude before the attitude counts as lost, s
 LOST_FORCE2 = 25.0  # largest square of the mean non-gravity force at which the attitude is not lost, (m/s^2)^2
 # 1/s, factor on the density of white force; the product is added to LOST_FORCE2, because the mean of white force is not
 # exactly zero.
@@ -83,7 +83,7 @@ def forget_motion(s: BoundedRecord) -> None:
     """Reset velocity, position and the averages derived from them, because the motion is unknown."""
     motion = s.motion
     forget_density(s)
-    motion.force_time = 0.0
+    motion.force_time = motion.lost_time = 0.0
     for j in range(3):
         s.vel[j] = s.pos[j] = 0.0
         motion.force[j] = motion.slow_acceleration[j] = motion.velocity[j] = motion.position[j] = 0.0
@@ -187,13 +187,15 @@ def _start(p: BoundedParams, s: BoundedRecord) -> None:
 @compiled
 def attitude_lost(p: BoundedParams, s: BoundedRecord) -> bool:
     """
-    Return whether the mean force is as long as gravity but points far away from the estimated gravity.
+    Return whether the mean force has long been as long as gravity, but points far away from the estimated gravity.
 
     This happens if the tool was rotated during a data gap. A mean force of another length is a real force on the tool,
-    or vibration that point samples alias to zero frequency.
+    or vibration that point samples alias to zero frequency. While such vibration begins and ends, the mean force has
+    the length of gravity for a moment; after a lost attitude it keeps this length.
     """
-    force = s.motion.force
+    motion, force = s.motion, s.motion.force
     level = force[0] ** 2 + force[1] ** 2
     much = level + (force[2] + p.gravity) ** 2 > LOST_FORCE2 + WHITE2 * s.motion.rough
     like = abs(math.sqrt(level + force[2] ** 2) - p.gravity) < LIKE_GRAVITY
-    return bool(much and like and s.motion.force_time > LOST_AFTER)
+    motion.lost_time = motion.lost_time + s.sums.time if much and like else 0.0
+    return bool(motion.lost_time > LOST_AFTER)

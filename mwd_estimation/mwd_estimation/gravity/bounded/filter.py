@@ -307,11 +307,12 @@ def _update(p: BoundedParams, s: BoundedRecord, w: Array, i: int, log: Log) -> N
         _note_after(p, s)
         log.updates[log.entries[0]] = s.latest
         log.entries[0] += 1
+    lost = alignment.attitude_lost(p, s)
     mechanisation.clear_sums(s.sums)
     if not measurement.sound(s):
         forget(p, s)
         alignment.begin(s)
-    elif alignment.attitude_lost(p, s):
+    elif lost:
         alignment.begin(s)
     else:
         scale.publish(p, s)

@@ -57,6 +57,7 @@ class MotionAverages:
 
     force: Annotated[Array, 3]  #: mean specific force over some seconds, level axes, m/s^2
     force_time: float  #: time since the average of `force` began, at a start or after a data gap, s
+    lost_time: float  #: time for which `force` has contradicted the attitude without a break, s
     slow_acceleration: Annotated[Array, 3]  #: low-passed acceleration, which the first high-pass removes, m/s^2
     velocity: Annotated[Array, 3]  #: velocity after two high-passes, m/s
     position: Annotated[Array, 3]  #: displacement after three high-passes, m

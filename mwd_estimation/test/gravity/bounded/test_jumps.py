@@ -180,6 +180,17 @@ def test_vibration_that_passes_the_sampling_rate_is_not_taken_for_a_tilt(amplitu
     assert beyond < 0.03
 
 
+@pytest.mark.parametrize("seed", [5, 6])
+def test_vibration_that_passes_the_sampling_rate_slowly_is_not_taken_for_a_lost_attitude(seed):
+    # For a moment, the mean of the slow force is as long as gravity. A start from this mean is 60 to 90 deg off.
+    def sweep(t):
+        phase = 2.0 * np.pi * (88.0 * t + 0.15 * t * t) + seed
+        return 20.0 * np.cos(phase)[:, None] * np.array([0.4, -0.7, 0.6])
+
+    off, _ = direction_errors(sweep, seed, P._replace(sampled=True, coning=1.0))
+    assert off.max() < 25.0
+
+
 @pytest.mark.parametrize("frequency_hz", [137.0, 171.3, 110.5])
 @pytest.mark.parametrize("rate_deg_s", [100.0, 500.0])
 def test_sigma_of_the_toolface_covers_torsion_that_point_samples_alias(frequency_hz, rate_deg_s):
