@@ -89,6 +89,8 @@ def forget_motion(s: BoundedRecord) -> None:
         motion.force[j] = motion.slow_acceleration[j] = motion.velocity[j] = motion.position[j] = 0.0
         for m in range(3):
             motion.arm[j, m] = 0.0
+        for m in range(2):
+            motion.slow_force[j, m] = 0.0
 
 
 @compiled

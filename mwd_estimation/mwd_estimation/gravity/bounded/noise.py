@@ -29,9 +29,14 @@ ROCKING_MEMORY, SLOW = 10.0, (0.1, 2.0)
 # Bound of the squared peak of aliased rocking over the mean square of the fast part: a factor of 2 for a sine, and a
 # further factor of 2 because the fast part becomes smaller while the vibration approaches the sampling rate.
 ROCKING_PEAK = 4.0
-ROCKING_TIME = (
-    0.25  # correlation time of aliased rocking, s: a sweep of 1 Hz/s passes the sampling rate within a second
-)
+# Correlation time of aliased rocking, s: a sweep of 1 Hz/s passes the sampling rate within a second.
+ROCKING_TIME = 0.25
+# Variance of the part between the two time constants SLOW of a white signal of spectral density 1, 1/s.
+SLOW_BAND = 0.5 / SLOW[0] + 0.5 / SLOW[1] - 2.0 / (SLOW[0] + SLOW[1])
+WHITE_CHANCE = 9.0  # ratio of the square of a slow force to its variance by white force up to which it is chance
+# Share of the largest aliased rocking and of the largest aliased force that is noise of the filter, which would
+# otherwise keep the slow gain of quiet samples. Errors are nearly equal from 0.1 to 0.25.
+ALIASED_NOISE = 0.15
 ROTATING = 3.0  # mean rate about the axis above which the circular motion of the sensor is subtracted, rad/s
 # Ratio of the random walk of the resting point (`measurement`) to the observed displacement, 1/sqrt(s).
 WALK_PER_DISPLACEMENT = 2.7
@@ -73,6 +78,7 @@ def follow_rates(p: BoundedParams, s: BoundedRecord, dt: float, w: Vector, f: Ve
     if s.meaning.sampled:
         _follow_ripple(s, dt, w[0])
         _follow_rocking(p, s, dt, w)
+        motion.fast_force += dt / (min(ROCKING_MEMORY, s.settled) + dt) * (0.5 * df2 - motion.fast_force)
     if dt > 0.0:
         motion.rough += dt / (min(SWING_MEMORY, s.settled) + dt) * (df2 * dt / 6.0 - motion.rough)
     # If samples are missing, add noise for the unknown rates and forces in between.
@@ -107,7 +113,8 @@ def _follow_rocking(p: BoundedParams, s: BoundedRecord, dt: float, w: Vector) ->
     Add the variance of slow rates that may be aliased rocking to `MotionAverages.rocked`, equation (23).
 
     Rocking near a multiple of the sampling rate appears as a slow rate of the size of the rocking. Before and after
-    that, it appears as a fast rate. dt: step, s; w: point sample of the rates, rad/s.
+    that, it appears as a fast rate. A share of the variance is noise of the filter, as `_false_force` is. dt: step, s;
+    w: point sample of the rates, rad/s.
     """
     motion, C = s.motion, s.C
     keep, share = dt / (RIPPLE_TIME + dt), dt / (min(ROCKING_MEMORY, s.settled) + dt)
@@ -131,6 +138,7 @@ def _follow_rocking(p: BoundedParams, s: BoundedRecord, dt: float, w: Vector) ->
             for a in range(2):
                 for c in range(2):
                     motion.rocked[a, c] += turn * (C[a, j] * C[c, j])
+                    s.P[TILT + a, TILT + c] += ALIASED_NOISE * turn * (C[a, j] * C[c, j])
 
 
 @compiled
@@ -143,6 +151,9 @@ def follow_motion(s: BoundedRecord, w: Array) -> None:
     motion.force_time += T
     for j in range(3):
         a = rate * s.sums.velocity[j]
+        if s.meaning.sampled:
+            for n in range(2):
+                motion.slow_force[j, n] += T / (SLOW[n] + T) * (a - motion.slow_force[j, n])
         motion.force[j] += share * (rate * s.sums.force[j] - motion.force[j])
         motion.slow_acceleration[j] += (1.0 - keep) * (a - motion.slow_acceleration[j])
         slow = motion.slow_acceleration[j]
@@ -225,22 +236,33 @@ def _displacement(s: BoundedRecord) -> tuple[float, float]:
 
 
 @compiled
+def _false_force(s: BoundedRecord) -> float:
+    """
+    Return the spectral density, (m/s^2)^2 s, of the slow force that may be aliased vibration, equation (24).
+
+    It is 0 for samples that are not points. The variance of a slow force that white force explains, 3 sigma, does not
+    count.
+    """
+    motion, square = s.motion, -WHITE_CHANCE * 3.0 * SLOW_BAND * s.motion.rough
+    for j in range(3):
+        square += (motion.slow_force[j, 0] - motion.slow_force[j, 1]) ** 2
+    most = ROCKING_PEAK * motion.fast_force
+    if square <= 0.0 or most <= 0.0:
+        return 0.0
+    return ALIASED_NOISE * 2.0 * ROCKING_TIME * min(square, most * most / max(square, most))
+
+
+@compiled
 def add_noise(p: BoundedParams, s: BoundedRecord) -> float:
     """Add the noise of one interval, equation (5); return the variance added to the tilt, rad^2."""
     P, T = s.P, s.sums.time
     turn = p.gyro_noise**2 * T + s.sums.turn
     density = max(WHITE_SHARE * s.motion.white, whole(s) * explained(s)) * 16.0 / SWING_TIME**3
     density += CURVED * (p.gravity * clipping.large_tilt(s)) ** 2
-    force = (p.accel_noise**2 + density) * T + s.sums.jump
+    force = (p.accel_noise**2 + density + _false_force(s)) * T + s.sums.jump
     along, across = _displacement(s)
     along = (p.walk**2 + WALK_PER_DISPLACEMENT**2 * along) * T
     across = (p.walk**2 + WALK_PER_DISPLACEMENT**2 * across) * T
-    if s.meaning.sampled:
-        # A filter in steady state forgets the same share of earlier errors as it adds to its variance.
-        forgotten = min(2.0 * turn / max(P[TILT, TILT] + P[TILT + 1, TILT + 1], 1e-12), 1.0)
-        for j in range(2):
-            for m in range(2):
-                s.motion.rocked[j, m] *= (1.0 - forgotten) ** 2
     for j in range(2):
         P[TILT + j, TILT + j] += turn
     for j in range(3):

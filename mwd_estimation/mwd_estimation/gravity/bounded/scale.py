@@ -78,6 +78,12 @@ def follow_corrections(s: BoundedRecord, turn: float, along: float, across: floa
     found, unit = s.innovations, 1.0 / turn
     dx, dy = hole_direction(s)
     tilt, aside = tilts(s)
+    if s.meaning.sampled:
+        # The measurements reduce an earlier error by the same share as the variance.
+        kept = (tilt + aside) / max(along + across, 1e-18)
+        for j in range(2):
+            for m in range(2):
+                s.motion.rocked[j, m] *= kept * kept
     if s.clipping.sign == 0.0:
         _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt * unit, dy, -dx)
         _follow(s, found.across, max(across - aside, LEAST_CORRECTION * turn), aside * unit, dx, dy)

@@ -78,6 +78,9 @@ class MotionAverages:
     quick: Annotated[Array, 3, 3]
     fast: Annotated[Array, 3]  #: mean square of the fast part of the rates of point samples, (rad/s)^2
     slow: Annotated[Array, 3, 2]  #: rates of point samples, low-passed over a short and over a long time, rad/s
+    fast_force: float  #: mean square of the fast part of the force in point samples, (m/s^2)^2
+    #: Acceleration in point samples, low-passed over a short and over a long time, level axes, m/s^2.
+    slow_force: Annotated[Array, 3, 2]
     rocked: Annotated[Array, 2, 2]  #: covariance of the tilt (level x, y) from aliased rocking, rad^2
 
 
