@@ -160,13 +160,14 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     pulses = expected_pulses(stretch, trellis.uniform(packets) if stretch.probability is None else stretch.probability)
     noise = stretch.pressure - reconstruct(pulses.train, state.response)
     pumps, cranks = pump_noise(noise, stretch.known, state.memory, stretch.angles)
-    if state.posterior is not None and not again:
-        # A disturbance before the packets must not distort their response. The response of a sync alone is too
-        # uncertain to find disturbances with it.
-        before = slice(0, stretch.own[0].start)
-        weight[before] = precision(filtered(noise - pumps.pressure, state.whitener), stretch.known)[before]
     for turn in range(_ROUNDS):
         whitened = filtered(stretch.pressure - pumps.pressure, state.whitener)
+        if turn == 0 and not again and state.posterior is not None:
+            # A disturbance before the packets must not distort their response. The response of a sync alone is too
+            # uncertain to find disturbances with it.
+            before = slice(0, stretch.own[0].start)
+            g = _whitened(state.response[None], state.whitener)[0]
+            weight[before] = precision((whitened - reconstruct(pulses.train, g))[before], stretch.known[before])
         responses = _estimate(stretch, state, whitened, weight, pulses)
         g = _whitened(state.response[None], state.whitener)[0]
         if turn > 0 or again:

@@ -103,7 +103,8 @@ def search(
     begin, end : int
         Range of the first sample of the sync; the data before it give the noise model.
     whitener : ndarray, optional
-        Prediction error filter of the noise, where a better one is known.
+        Prediction error filter of the noise during a transmission. No pulse of the sync may then be missing, because
+        the pulses of words often resemble a sync without one pulse.
     angles : ndarray, shape (pumps, n), optional
         Crank angles of pumps with stroke counters, rad.
     least : float
@@ -114,7 +115,7 @@ def search(
     SyncFound or None
         None if no sync has the score `least`, or if the noise cannot be modelled.
     """
-    early = whitener is None and begin < _LEAST_NOISE
+    early, complete = whitener is None and begin < _LEAST_NOISE, whitener is not None
     moved = min(_settled(pressure), max(begin - BEFORE, 0)) if early else _settled(pressure[:begin])
     pressure, known, begin, end = pressure[moved:], known[moved:], begin - moved, end - moved
     angles = None if angles is None else angles[:, moved:]
@@ -125,7 +126,7 @@ def search(
     if whitener is None:
         return None
     first, *others = (*[_PROMISING] * _ROUNDS, least) if early else (least,)
-    found = _found(pressure, known, tool, (begin, end), whitener, first)
+    found = _found(pressure, known, tool, (begin, end), whitener, first, complete)
     for one in others:
         found = None if found is None else _refined(pressure, known, tool, (begin, end), found, one)
     return None if found is None else found.later(moved)
@@ -142,7 +143,7 @@ def _refined(
     train = np.zeros(len(pressure))
     train[found.at + SAMPLES_PER_TU * np.array(tool.sync.edges_tu)] = found.sent
     whitener = steady_filter(pressure - reconstruct(train, found.response), known, SEARCH_ORDER, FLOOR)
-    return None if whitener is None else _found(pressure, known, tool, span, whitener, least)
+    return None if whitener is None else _found(pressure, known, tool, span, whitener, least, False)
 
 
 def _settled(pressure: Array) -> int:
@@ -163,12 +164,18 @@ def _settled(pressure: Array) -> int:
 
 
 def _found(
-    pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], whitener: Array, least: float
+    pressure: Array,
+    known: Array,
+    tool: ToolConfiguration,
+    span: tuple[int, int],
+    whitener: Array,
+    least: float,
+    complete: bool,
 ) -> SyncFound | None:
     """
     Return the best sync with a known noise model, and its next best as `other`; None if no sync has the score `least`.
 
-    span: range of the first sample of the sync. whitener: noise model.
+    span: range of the first sample of the sync. whitener: noise model. complete: whether no pulse may be missing.
     """
     begin, end = span
     whitened = filtered(pressure, whitener)
@@ -176,7 +183,8 @@ def _found(
     components = basis(RESPONSE, tool.tu_s)
     shapes = whitened_responses(components, whitener, RESPONSE + _TAIL)
     edges = SAMPLES_PER_TU * np.array(tool.sync.edges_tu)
-    every = _columns(shapes, edges, np.ones(len(edges), dtype=bool))
+    whole = np.ones(len(edges), dtype=bool)
+    every = _columns(shapes, edges, whole)
     first = max(begin, BEFORE)
     last = min(end, len(pressure) - len(every))
     if last <= first:
@@ -188,7 +196,7 @@ def _found(
         at = int(np.argmax(score))
         if score[at] < least:
             break
-        sent, gained = _sent(whitened, weight, shapes, edges, first + at)
+        sent, gained = (whole, 0.0) if complete else _sent(whitened, weight, shapes, edges, first + at)
         columns = _columns(shapes, edges, sent)
         # The response is free, so its time shift is ambiguous: align its largest pressure with the middle of a pulse.
         found = _fitted(whitened, weight, columns, first + at - BEFORE)
