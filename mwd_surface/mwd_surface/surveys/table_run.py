@@ -2,7 +2,7 @@
 """
 Survey results of a table of readings, computed run by run: for each station a first result and a revision.
 
-The first result of a station uses the stations above it in the table, as a live survey does; its revision uses all
+The first result of a station uses the stations that were taken before it, as a live survey does; its revision uses all
 other stations of the run (`revision`). A station whose field disagrees with the other stations does not affect them. If
 its azimuth is not accepted, the accepted stations next to it limit the azimuth, because a hole turns little in a stand.
 """
@@ -80,14 +80,15 @@ def run_stations(
     """
     Compute the stations of the rows of a table; rows of the same run are computed together.
 
-    Rows are in the order in which they were taken. A row that cannot be read is rejected with its reason and is not
-    used for other rows. progress is called with the share of finished rows, 0 to 1.
+    The order of the rows has no meaning if all rows of a run have times or, without times, depths. A row that cannot be
+    read is rejected with its reason and is not used for other rows. progress is called with the share of finished rows,
+    0 to 1.
 
     Returns
     -------
     list of TableStation
-        One station per row, in order. `station` is the result from the whole run, `first` the result from this row and
-        the rows before it.
+        One station per row, in the order of the rows. `station` is the result from the whole run, `first` the result
+        from this row and the rows taken before it.
     """
     runs: dict[str, list[int]] = {}
     for k, row in enumerate(rows):
@@ -101,9 +102,19 @@ def run_stations(
         if progress is not None:
             progress(min(done / len(rows), 1.0))
 
-    for places in runs.values():
+    for given in runs.values():
+        places = _in_order(given, rows)
         found |= zip(places, _run([rows[k] for k in places], settings, count), strict=True)
     return [found[k] for k in range(len(rows))]
+
+
+def _in_order(places: list[int], rows: Sequence[TableRow]) -> list[int]:
+    """Return the rows of a run in the order in which they were taken: by time, or by depth, or else as given."""
+    try:
+        return sorted(places, key=lambda k: utc.moment(rows[k].time))
+    except ValueError:
+        known = all(math.isfinite(rows[k].md) for k in places)
+        return sorted(places, key=lambda k: rows[k].md) if known else places
 
 
 def _run(rows: list[TableRow], settings: StationSettings, progress: Callable[[float], None]) -> list[TableStation]:

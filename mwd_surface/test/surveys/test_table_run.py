@@ -89,6 +89,21 @@ def test_rows_without_times_are_taken_stand_after_stand():
         assert without.station.sigma_azimuth == pytest.approx(given.station.sigma_azimuth, rel=1e-6)
 
 
+@pytest.mark.parametrize("given", ["depth", "time"])
+def test_the_order_of_rows_with_depths_or_times_has_no_meaning(given):
+    rows, _, expected = sound()
+    if given == "time":
+        rows = [
+            replace(row, md=math.nan, time=f"2026-06-01T{k // 2:02d}:{30 * (k % 2):02d}:00")
+            for k, row in enumerate(rows)
+        ]
+        expected = run_stations(rows, SETTINGS)
+    order = np.random.default_rng(2).permutation(len(rows))
+    for place, found in zip(order, run_stations([rows[k] for k in order], SETTINGS), strict=True):
+        assert found.station.azimuth == expected[place].station.azimuth
+        assert found.first.sigma_azimuth == expected[place].first.sigma_azimuth
+
+
 def test_a_multi_station_analysis_of_the_run_stands_beside_its_azimuths():
     errors, sigmas = [], []
     for seed in range(20, 23):
