@@ -50,7 +50,7 @@ _BOMS = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
-# Encodings in the order in which they are tried, with words of which a text in this encoding has one.
+# Encodings, tried in this order. A text in one of them contains at least one of the words listed with the encoding.
 _ENCODINGS = (
     ("utf-8", ""),
     *((encoding, "глубин|азимут|зенит|давлен|время") for encoding in ("cp1251", "cp866", "koi8-r")),

@@ -44,7 +44,8 @@ _FEW, _MOST, _LEAST_ROWS = 0.2, 0.8, 3
 # has a smaller one. And inclination that only holes drilled upwards in a mine exceed, rad.
 _UPWARDS, _NO_HOLE = math.radians(95.0), math.radians(120.0)
 # Largest change of inclination of usual holes, rad/m, and the shortest length over which it counts, m. In the right
-# wiring at most the share _FEW of the changes is larger, and all changes together are smaller by the factor _BETTER.
+# wiring, the share of larger changes is at most _FEW, and the sum of all changes is smaller than in the wiring of the
+# table by the factor _BETTER.
 _SHARPEST, _SHORTEST = math.radians(30.0) / 30.0, 10.0
 # Attitudes that differ by more than this, rad, show the wiring independently.
 _ANOTHER_ATTITUDE = math.radians(10.0)
@@ -201,7 +202,7 @@ def _wirings(
     f_t: Array, b_t: Array, dip: Array, printed_inclination: Array, printed: Array
 ) -> tuple[list[tuple[int, int]], str]:
     """
-    Return the simplest wirings of both sensors that explain a run, as indices in `_WAYS`, and what shows them.
+    Return the simplest wirings of both sensors that explain a run, as indices in `_WAYS`, and their evidence in words.
 
     The list is empty if the table may have the right wiring. f_t, b_t: shape (n, 3). dip, printed_inclination, printed:
     shape (n,), as in `ExpectedRows`.
@@ -238,7 +239,7 @@ def _wirings(
 
 def _smooth(f_t: Array, md: Array) -> list[tuple[int, int]]:
     """
-    Return the simplest wirings of either hand with which the hole is smooth, if it is not in the wiring of the table.
+    Return the simplest wirings, right-handed and left-handed, with which the hole is smooth, if the table's is not.
 
     Both sensors have the same wiring. f_t, md: shapes (n, 3) and (n,), the rows with readings. Rows with a wrong total
     or without depth are left out.
