@@ -128,23 +128,16 @@ def test_the_help_of_every_command_is_among_the_texts(words):
     assert not any(text.startswith("mwd ") for text in texts), "an example of a command is not translated"
 
 
-def test_every_module_that_says_why_a_receiver_has_no_words_is_a_source_of_the_page(words):
+@pytest.mark.parametrize(
+    ("modules", "text"),
+    [
+        ("mwd_surface/mwd_surface/receiver/**/*.py", r"\bno_words\(|\bFrameReport\(|def failure\("),
+        ("mwd_*/mwd_*/**/*.py", r"\b(raise_alarm|log_event)\("),
+    ],
+    ids=["says why a receiver has no words", "raises an alarm or logs an event"],
+)
+def test_every_module_with_texts_of_the_page_is_among_its_sources(words, modules, text):
     sources = {path for pattern in words.PYTHON for path in ROOT.glob(pattern)}
-    saying = {
-        path
-        for path in ROOT.glob("mwd_surface/mwd_surface/receiver/**/*.py")
-        if re.search(r"\bno_words\(|\bFrameReport\(|def failure\(", path.read_text(encoding="utf-8"))
-    }
-    assert saying
-    assert saying <= sources
-
-
-def test_every_module_that_raises_an_alarm_or_logs_an_event_is_a_source_of_the_page(words):
-    sources = {path for pattern in words.PYTHON for path in ROOT.glob(pattern)}
-    raising = {
-        path
-        for path in ROOT.glob("mwd_*/mwd_*/**/*.py")
-        if re.search(r"\b(raise_alarm|log_event)\(", path.read_text(encoding="utf-8"))
-    }
-    assert raising
-    assert raising <= sources
+    found = {path for path in ROOT.glob(modules) if re.search(text, path.read_text(encoding="utf-8"))}
+    assert found
+    assert found <= sources

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the simulated sonde does on a machine that is too slow for it, and with a clock that stops or goes back."""
+"""The node of the simulated sonde on a machine that is too slow for it, and with a clock that stops or goes back."""
 
 from types import SimpleNamespace
 

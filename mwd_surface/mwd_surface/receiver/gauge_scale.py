@@ -106,7 +106,7 @@ def gauge_signal(name: str) -> GaugeSignal | None:
 
 def in_pascal(values: Array, unit: str, name: str = "") -> tuple[Array, list[str]]:
     """
-    Return pressures, Pa, of numbers in a unit of `PRESSURES`, and notes; NaN where there is no pressure.
+    Convert numbers in a unit of `PRESSURES` to pressures, Pa, NaN where there is no pressure; also return notes.
 
     A current or a voltage is scaled by the range of the gauge that the name states (`gauge_signal`). Without a range, a
     current is scaled to `FULL_SCALE_PA`, and a voltage is returned in V instead of Pa.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What people may choose of the live page: a period for every stream."""
+"""Settings of the live page: every stream has a period."""
 
 import dataclasses
 

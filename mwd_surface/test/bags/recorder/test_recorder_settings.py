@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What people may choose of a recorder: defaults that can be trusted."""
+"""Settings of a recorder: the defaults are safe."""
 
 import dataclasses
 
