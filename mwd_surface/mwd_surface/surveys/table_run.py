@@ -80,7 +80,7 @@ def run_stations(
     """
     Compute the stations of the rows of a table; rows of the same run are computed together.
 
-    The order of the rows has no meaning if all rows of a run have times or, without times, depths. A row that cannot be
+    The rows of a run may be in any order if all of them have times, or all of them have depths. A row that cannot be
     read is rejected with its reason and is not used for other rows. progress is called with the share of finished rows,
     0 to 1.
 

@@ -34,8 +34,8 @@ ROCKING_TIME = 0.25
 # Variance of the part between the two time constants SLOW of a white signal of spectral density 1, 1/s.
 SLOW_BAND = 0.5 / SLOW[0] + 0.5 / SLOW[1] - 2.0 / (SLOW[0] + SLOW[1])
 WHITE_CHANCE = 9.0  # ratio of the square of a slow force to its variance by white force up to which it is chance
-# Share of the largest aliased rocking and of the largest aliased force that is noise of the filter, which would
-# otherwise keep the slow gain of quiet samples. Errors are nearly equal from 0.1 to 0.25.
+# Share of the largest aliased rocking and of the largest aliased force that is added to the noise of the filter.
+# Without it, the filter corrects as slowly as with quiet samples. From 0.1 to 0.25 the errors are nearly equal.
 ALIASED_NOISE = 0.15
 ROTATING = 3.0  # mean rate about the axis above which the circular motion of the sensor is subtracted, rad/s
 # Ratio of the random walk of the resting point (`measurement`) to the observed displacement, 1/sqrt(s).

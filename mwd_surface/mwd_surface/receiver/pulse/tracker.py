@@ -67,7 +67,7 @@ class Tracker:
             one.offer_sync()
         for one in self._all:
             during = _APART_TU * STEPS_PER_TU < position - one.begin < self._tool.sync.length_tu * STEPS_PER_TU
-            # Pulses of words resemble a sync that lacks a pulse too often to show a second tool.
+            # Only a complete sync shows a second tool: the pulses of words often look like a sync without one pulse.
             if during and all(found.sent):
                 one.second = max(one.second, found.score)
         near = [one for one in self._all if abs(one.begin - position) <= STEPS_PER_TU]
