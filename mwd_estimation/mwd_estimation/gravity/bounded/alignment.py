@@ -189,7 +189,7 @@ def _start(p: BoundedParams, s: BoundedRecord) -> None:
 @compiled
 def attitude_lost(p: BoundedParams, s: BoundedRecord) -> bool:
     """
-    Return whether the mean force has long been as long as gravity, but points far away from the estimated gravity.
+    Return whether the mean force has had the size of gravity for some time, but a very different direction from it.
 
     This happens if the tool was rotated during a data gap. A mean force of another length is a real force on the tool,
     or vibration that point samples alias to zero frequency. While such vibration begins and ends, the mean force has

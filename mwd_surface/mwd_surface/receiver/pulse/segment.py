@@ -163,8 +163,8 @@ def decode(stretch: StretchOnToolClock, channel: ChannelEstimate) -> DecodedStre
     for turn in range(_ROUNDS):
         whitened = filtered(stretch.pressure - pumps.pressure, state.whitener)
         if turn == 0 and not again and state.posterior is not None:
-            # A disturbance before the packets must not distort their response. The response of a sync alone is too
-            # uncertain to find disturbances with it.
+            # A disturbance before the packets must not distort the estimate of the response, so its samples get small
+            # weights. After a sync alone, the response is too uncertain to find disturbances.
             before = slice(0, stretch.own[0].start)
             g = _whitened(state.response[None], state.whitener)[0]
             weight[before] = precision((whitened - reconstruct(pulses.train, g))[before], stretch.known[before])

@@ -103,8 +103,8 @@ def search(
     begin, end : int
         Range of the first sample of the sync; the data before it give the noise model.
     whitener : ndarray, optional
-        Prediction error filter of the noise during a transmission. No pulse of the sync may then be missing, because
-        the pulses of words often resemble a sync without one pulse.
+        Prediction error filter of the noise during a transmission. If it is given, only syncs with all pulses are
+        found, because the pulses of words often look like a sync without one pulse.
     angles : ndarray, shape (pumps, n), optional
         Crank angles of pumps with stroke counters, rad.
     least : float
@@ -219,9 +219,9 @@ def _found(
 
 def _sent(whitened: Array, weight: Array, shapes: Array, edges: Array, at: int) -> tuple[NDArray[np.bool_], float]:
     """
-    Return which pulses of a sync were sent, all or all but one, whichever is more probable.
+    Return which pulses of a sync were sent: all, or all except one, whichever case is more probable.
 
-    Also return the log of the ratio of its likelihood to the likelihood of all pulses.
+    Also return the log of the ratio of the probability of this case to that of all pulses; 0 if all were sent.
 
     edges: first samples of the pulses after the start of the sync, which is the sample `at`.
     """

@@ -174,7 +174,7 @@ class Tracker:
 
         Without a leader and without a better hypothesis, the words of a confirmed hypothesis are published too. If
         `better` begins before the end of the sync of `one`, words are published only if earlier words were. If the
-        tool has sent everything, hypotheses that begin before its last pulse are dropped.
+        tool has sent its whole transmission, hypotheses whose sync begins before its last pulse are dropped.
         """
         self._all.remove(one)
         if one is not self.leader and (self.leader is not None or better is not None or not one.presence.confirmed):
